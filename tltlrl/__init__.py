@@ -1,0 +1,1 @@
+"""Learn robot behaviour from truncated linear temporal logic (TLTL) specifications."""
