@@ -1,0 +1,89 @@
+"""Closed-loop simulation of N trajectories at once.
+
+One control step of the batch is one call into C (`mujoco.rollout`) that steps all trajectories. It runs without a
+thread pool: at these batch sizes one costs more than it gives, so parallelism belongs between runs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import mujoco.rollout
+import numpy as np
+from numpy.typing import NDArray
+
+from tltlrl.tasks.task import CONTROL_TIMESTEP, Task
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Trajectories:
+    """N trajectories of T samples.
+
+    Attributes:
+      features: s_t, shape (N, T, n).
+      commands: u_t = K s_t + offset_t as the policy sent it, before noise and clipping, shape (N, T, d).
+    """
+
+    features: Array
+    commands: Array
+
+
+class Simulator:
+    """A task's physics model with the buffers that stepping it in batches needs; not safe to share by threads."""
+
+    def __init__(self, task: Task) -> None:
+        self._task = task
+        self._physics = task.make_physics()
+        self._model = self._physics.model.ptr
+        self._data = mujoco.MjData(self._model)
+        self._rollout = mujoco.rollout.Rollout(nthread=0)
+        self._substeps = round(CONTROL_TIMESTEP / self._model.opt.timestep)
+        qpos, qvel = task.initial_state()
+        self._data.qpos[:], self._data.qvel[:] = qpos, qvel
+        self._start = np.empty(mujoco.mj_stateSize(self._model, mujoco.mjtState.mjSTATE_FULLPHYSICS.value))
+        mujoco.mj_getState(
+            self._model, self._data, self._start, mujoco.mjtState.mjSTATE_FULLPHYSICS.value
+        )
+
+    def rollout(self, gain: Array, offsets: Array, command_noise: Array) -> Trajectories:
+        """Simulates u_t = K s_t + offset_t from the task's start.
+
+        The last command is recorded but moves nothing: no sample comes after s_{T-1}.
+
+        Args:
+          gain: K, shape (d, n).
+          offsets: k_t + exploration noise, shape (N, T, d), in the commands' unit.
+          command_noise: what the actuators add, shape (N, T, d), in the commands' unit.
+
+        Raises:
+          FloatingPointError: if the simulation diverged, naming the first trajectory and step that did.
+        """
+        task, substeps = self._task, self._substeps
+        n, steps, d = offsets.shape
+        nq, nv = self._model.nq, self._model.nv
+        features = np.empty((steps, n, len(task.observation)))
+        commands = np.ascontiguousarray(offsets.transpose(1, 0, 2))
+        noise = np.ascontiguousarray(command_noise.transpose(1, 0, 2))
+        state = np.tile(self._start, (n, 1))
+        control = np.empty((n, substeps, d))
+        states = np.empty((n, substeps, self._start.size))
+        sensors = np.empty((n, substeps, self._model.nsensordata))
+        models, data = [self._model] * n, [self._data]
+        transposed_gain = np.ascontiguousarray(gain.T)
+        for t in range(steps):
+            features[t] = task.features(state[:, 1 : 1 + nq], state[:, 1 + nq : 1 + nq + nv])
+            commands[t] += features[t] @ transposed_gain
+            if t + 1 == steps:
+                break
+            control[:] = (commands[t] + noise[t])[:, None]
+            self._rollout.rollout(
+                models, data, state, control, nstep=substeps, skip_checks=True, state=states, sensordata=sensors
+            )
+            state[:] = states[:, -1]
+        if not np.isfinite(features).all():
+            t, i, _ = np.argwhere(~np.isfinite(features))[0]
+            raise FloatingPointError(f"the simulation of {task.name} diverged: trajectory {i}, step {t}")
+        return Trajectories(features.transpose(1, 0, 2), commands.transpose(1, 0, 2))

@@ -1,0 +1,120 @@
+"""The contract between a task and the rest: one class, two ways in.
+
+`dm_env` users step a task through `dm_control.rl.control.Environment`; training steps the same physics model in
+batches (`tltlrl.rollout`). A task therefore states its features twice: from a live `Physics`, with its named
+quantities, and from arrays of positions and velocities. A test holds the two against each other.
+"""
+
+from __future__ import annotations
+
+import abc
+import collections
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from dm_control import mujoco
+from dm_control.rl import control
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Signals = dict[str, Array]
+StepReward = Callable[[Mapping[str, Array]], Array]
+
+CONTROL_TIMESTEP = 0.05  # seconds: commands are sent at 20 Hz, as in the case study.
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One column of the features or of the commands: its name and its unit."""
+
+    name: str
+    unit: str
+
+
+class Task(control.Task, abc.ABC):  # type: ignore[misc]  # dm_control has no types
+    """A robot, its start, its features s_t (`observation`), its commands u_t (`action`) and its signals.
+
+    Attributes:
+      name: the task's name in configs and CSV files.
+      steps: samples T of one episode, s_0 .. s_{T-1}; T - 1 control steps lead from the first to the last.
+      observation: one `Quantity` per feature, in order.
+      action: one `Quantity` per command, in order.
+      command_noise: standard deviation of the Gaussian noise on each command, in the command's unit. It is part
+        of the simulation (an imperfect actuator), not of the policy.
+      rewards: hand-made rewards per step by name; each maps signals of shape (..., T) or (..., T, d) to (..., T).
+    """
+
+    name: str
+    observation: tuple[Quantity, ...]
+    action: tuple[Quantity, ...]
+
+    def __init__(
+        self,
+        steps: int,
+        command_noise: Array,
+        rewards: Mapping[str, StepReward],
+        random: np.random.RandomState | int | None = None,
+    ) -> None:
+        self.steps = steps
+        self.command_noise = command_noise
+        self.rewards = dict(rewards)
+        self.random = (
+            random if isinstance(random, np.random.RandomState) else np.random.RandomState(random)  # noqa: NPY002
+        )
+
+    @abc.abstractmethod
+    def make_physics(self) -> mujoco.Physics:
+        """Compiles the model into a new `Physics`."""
+
+    @abc.abstractmethod
+    def initial_state(self) -> tuple[Array, Array]:
+        """Positions (nq,) and velocities (nv,) at s_0; every episode starts there."""
+
+    @abc.abstractmethod
+    def features(self, qpos: Array, qvel: Array) -> Array:
+        """Features of a batch of states: (N, nq), (N, nv) => (N, len(observation))."""
+
+    @abc.abstractmethod
+    def signals(self, features: Array, commands: Array) -> Signals:
+        """What a spec can speak of: (N, T, n), (N, T, d) => name -> (N, T) or (N, T, k)."""
+
+    @abc.abstractmethod
+    def observe(self, physics: mujoco.Physics) -> collections.OrderedDict[str, Array]:
+        """The features of one live physics, in the order of `observation`."""
+
+    # dm_control.rl.control.Task
+
+    def initialize_episode(self, physics: mujoco.Physics) -> None:
+        """Puts the robot at its start."""
+        physics.data.qpos[:], physics.data.qvel[:] = self.initial_state()
+
+    def before_step(self, action: Array, physics: mujoco.Physics) -> None:
+        """Sends the command, disturbed by the actuators' noise; MuJoCo clips it to the actuators' range."""
+        physics.set_control(action + self.command_noise * self.random.standard_normal(len(self.action)))
+
+    def get_observation(self, physics: mujoco.Physics) -> collections.OrderedDict[str, Array]:
+        """The features by group, as `dm_env` users expect them."""
+        return self.observe(physics)
+
+    def get_reward(self, physics: mujoco.Physics) -> float:
+        """The hand-made discrete reward of this one step."""
+        features = np.concatenate([np.ravel(value) for value in self.observe(physics).values()])
+        signals = self.signals(features[None, None], np.asarray(physics.control())[None, None])
+        return float(self.rewards["discrete"](signals)[0, 0])
+
+    def action_spec(self, physics: mujoco.Physics) -> object:
+        """Bounds of the commands, from the model."""
+        return mujoco.action_spec(physics)
+
+    def step_limit(self, physics: mujoco.Physics) -> int:
+        """Physics steps per control step."""
+        return round(CONTROL_TIMESTEP / physics.timestep())
+
+
+def environment(task: Task) -> control.Environment:
+    """The task as a `dm_env.Environment`: `reset` gives s_0, the last of T - 1 steps gives s_{T-1}."""
+    physics = task.make_physics()
+    # Half a step less than T - 1, so that rounding cannot add a step.
+    time_limit = (task.steps - 1.5) * CONTROL_TIMESTEP
+    return control.Environment(physics, task, time_limit=time_limit, control_timestep=CONTROL_TIMESTEP)
