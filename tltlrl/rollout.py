@@ -44,9 +44,7 @@ class Simulator:
         qpos, qvel = task.initial_state()
         self._data.qpos[:], self._data.qvel[:] = qpos, qvel
         self._start = np.empty(mujoco.mj_stateSize(self._model, mujoco.mjtState.mjSTATE_FULLPHYSICS.value))
-        mujoco.mj_getState(
-            self._model, self._data, self._start, mujoco.mjtState.mjSTATE_FULLPHYSICS.value
-        )
+        mujoco.mj_getState(self._model, self._data, self._start, mujoco.mjtState.mjSTATE_FULLPHYSICS.value)
 
     def rollout(self, gain: Array, offsets: Array, command_noise: Array) -> Trajectories:
         """Simulates u_t = K s_t + offset_t from the task's start.
@@ -80,7 +78,14 @@ class Simulator:
                 break
             control[:] = (commands[t] + noise[t])[:, None]
             self._rollout.rollout(
-                models, data, state, control, nstep=substeps, skip_checks=True, state=states, sensordata=sensors
+                models,
+                data,
+                state,
+                control,
+                nstep=substeps,
+                skip_checks=True,
+                state=states,
+                sensordata=sensors,
             )
             state[:] = states[:, -1]
         if not np.isfinite(features).all():

@@ -63,7 +63,9 @@ def solve_dual(returns: Array, epsilon: float) -> Weighting:
     wrong = np.isnan(returns) | (returns == np.inf)
     if wrong.any():
         samples = np.unique(np.nonzero(wrong)[-1]).tolist()
-        raise ValueError(f"the returns of samples {samples} are NaN or +inf: no policy can be learned from them")
+        raise ValueError(
+            f"the returns of samples {samples} are NaN or +inf: no policy can be learned from them"
+        )
     finite = returns > -np.inf
     count = finite.sum(axis=-1, keepdims=True)
     if not count.all():
@@ -92,7 +94,9 @@ def solve_dual(returns: Array, epsilon: float) -> Weighting:
 def _root(scores: Array, count: Array, epsilon: float, active: NDArray[np.bool_]) -> Array:
     """log eta where KL(p(eta) || uniform) = epsilon, by Newton's method kept inside a shrinking bracket."""
     low = np.full(count.shape, np.log(LOWEST_TEMPERATURE))
-    high = np.full(count.shape, -np.log(epsilon))  # log(p_i N) <= 1 / eta, so KL <= epsilon at eta = 1 / epsilon
+    high = np.full(
+        count.shape, -np.log(epsilon)
+    )  # log(p_i N) <= 1 / eta, so KL <= epsilon at eta = 1 / epsilon
     x = np.minimum(high, -0.5 * np.log(8 * epsilon))  # KL ~ Var / (2 eta^2) and Var <= 1/4
     finite_scores = np.where(np.isfinite(scores), scores, 0.0)
     for _ in range(ITERATIONS):

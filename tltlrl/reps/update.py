@@ -47,7 +47,13 @@ def reward_to_go(rewards: Array) -> Array:
 
 
 def episode_based(
-    offsets: Array, returns: Array, mean: Array, covariance: Array, epsilon: float, rule: CovarianceRule, kept: float
+    offsets: Array,
+    returns: Array,
+    mean: Array,
+    covariance: Array,
+    epsilon: float,
+    rule: CovarianceRule,
+    kept: float,
 ) -> Update:
     """Episode-based REPS.
 
@@ -64,7 +70,13 @@ def episode_based(
 
 
 def step_based(
-    offsets: Array, rewards: Array, mean: Array, covariance: Array, epsilon: float, rule: CovarianceRule, kept: float
+    offsets: Array,
+    rewards: Array,
+    mean: Array,
+    covariance: Array,
+    epsilon: float,
+    rule: CovarianceRule,
+    kept: float,
 ) -> Update:
     """Step-based REPS: as `episode_based`, but one dual per time step on the reward-to-go of `rewards` (N, T)."""
     weighting = solve_dual(reward_to_go(rewards).T, epsilon)

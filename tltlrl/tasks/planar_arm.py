@@ -85,7 +85,14 @@ class PlanarArm(Task):
         rewards: Mapping[str, StepReward],
         random: np.random.RandomState | int | None = None,
     ) -> None:
-        super().__init__(config.steps, np.full(3, config.command_noise), rewards, random)
+        super().__init__(
+            steps=config.steps,
+            command_noise=np.full(3, config.command_noise),
+            command_scale=np.full(3, config.max_speed),
+            feedback=np.eye(3, len(self.observation)),  # on the joint angles
+            rewards=rewards,
+            random=random,
+        )
         self.name = config.name
         self.config = config
         self._link_lengths = np.array(config.link_lengths)
@@ -110,6 +117,12 @@ class PlanarArm(Task):
             "velocities": features[..., 3:6],
             "command": commands,
         }
+
+    def reference(self) -> tuple[Array, Array]:
+        """Rest at the start."""
+        qpos, qvel = self.initial_state()
+        start = self.features(qpos[None], qvel[None])
+        return np.tile(start, (self.steps, 1)), np.zeros((self.steps, 3))
 
     def observe(self, physics: Physics) -> collections.OrderedDict[str, Array]:
         """The eight features in three groups."""

@@ -42,6 +42,8 @@ class Task(control.Task, abc.ABC):  # type: ignore[misc]  # dm_control has no ty
       action: one `Quantity` per command, in order.
       command_noise: standard deviation of the Gaussian noise on each command, in the command's unit. It is part
         of the simulation (an imperfect actuator), not of the policy.
+      command_scale: the size of a full command, shape (d,); exploration is configured as a share of it.
+      feedback: the gain matrix K of shape (d, n) for a feedback of 1; the configured feedback multiplies it.
       rewards: hand-made rewards per step by name; each maps signals of shape (..., T) or (..., T, d) to (..., T).
     """
 
@@ -53,11 +55,15 @@ class Task(control.Task, abc.ABC):  # type: ignore[misc]  # dm_control has no ty
         self,
         steps: int,
         command_noise: Array,
+        command_scale: Array,
+        feedback: Array,
         rewards: Mapping[str, StepReward],
         random: np.random.RandomState | int | None = None,
     ) -> None:
         self.steps = steps
         self.command_noise = command_noise
+        self.command_scale = command_scale
+        self.feedback = feedback
         self.rewards = dict(rewards)
         self.random = (
             random if isinstance(random, np.random.RandomState) else np.random.RandomState(random)  # noqa: NPY002
@@ -80,6 +86,17 @@ class Task(control.Task, abc.ABC):  # type: ignore[misc]  # dm_control has no ty
         """What a spec can speak of: (N, T, n), (N, T, d) => name -> (N, T) or (N, T, k)."""
 
     @abc.abstractmethod
+    def reference(self) -> tuple[Array, Array]:
+        """The motion that learning starts from: features (T, n) and commands (T, d).
+
+        The first policy is u_t = u_ref_t + K (s_t - s_ref_t), so k_t = u_ref_t - K s_ref_t.
+        """
+
+    def terminated(self, features: Array) -> NDArray[np.bool_]:
+        """Whether an episode ends at a sample: features (N, n) => (N,). Never, unless a task says otherwise."""
+        return np.zeros(len(features), dtype=np.bool_)
+
+    @abc.abstractmethod
     def observe(self, physics: mujoco.Physics) -> collections.OrderedDict[str, Array]:
         """The features of one live physics, in the order of `observation`."""
 
@@ -99,7 +116,7 @@ class Task(control.Task, abc.ABC):  # type: ignore[misc]  # dm_control has no ty
 
     def get_reward(self, physics: mujoco.Physics) -> float:
         """The hand-made discrete reward of this one step."""
-        features = np.concatenate([np.ravel(value) for value in self.observe(physics).values()])
+        features = self._flat_features(physics)
         signals = self.signals(features[None, None], np.asarray(physics.control())[None, None])
         return float(self.rewards["discrete"](signals)[0, 0])
 
@@ -107,9 +124,12 @@ class Task(control.Task, abc.ABC):  # type: ignore[misc]  # dm_control has no ty
         """Bounds of the commands, from the model."""
         return mujoco.action_spec(physics)
 
-    def step_limit(self, physics: mujoco.Physics) -> int:
-        """Physics steps per control step."""
-        return round(CONTROL_TIMESTEP / physics.timestep())
+    def get_termination(self, physics: mujoco.Physics) -> float | None:
+        """Discount 0 where the episode ends early."""
+        return 0.0 if self.terminated(self._flat_features(physics)[None])[0] else None
+
+    def _flat_features(self, physics: mujoco.Physics) -> Array:
+        return np.concatenate([np.ravel(value) for value in self.observe(physics).values()])
 
 
 def environment(task: Task) -> control.Environment:
