@@ -21,11 +21,13 @@ import collections
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
+from typing import Any
 
 import numpy as np
 from dm_control import mujoco
 from lxml import etree
 
+from tltlrl.errors import UserError
 from tltlrl.tasks.task import Array, Quantity, Signals, StepReward, Task
 
 JOINTS = ("joint_1", "joint_2", "joint_3")
@@ -50,6 +52,23 @@ class PlanarArmConfig:
     start_angles: list[float] = field(default_factory=lambda: [0.5, 0.5, 0.5])
     max_speed: float = 2.0
     command_noise: float = 0.02
+
+
+@dataclass(frozen=True)
+class ReachAvoidReward:
+    """Coefficients of eq. 3.2.
+
+    Attributes:
+      goal: discrete reward of a sample at the goal.
+      obstacle: discrete reward of a sample inside an obstacle.
+      c1: price of a metre from the goal.
+      c2: gain of a metre from each obstacle.
+    """
+
+    goal: float = 5.0
+    obstacle: float = -2.0
+    c1: float = 1.0
+    c2: float = 0.1
 
 
 class Physics(mujoco.Physics):  # type: ignore[misc]  # dm_control has no types
@@ -131,6 +150,47 @@ class PlanarArm(Task):
             velocities=physics.joint_velocities(),
             end_effector=physics.end_effector(),
         )
+
+
+def reach_avoid_rewards(coefficients: ReachAvoidReward, constants: Mapping[str, Any]) -> dict[str, StepReward]:
+    """The discrete and the continuous reward of eq. 3.2, on the regions of the spec.
+
+    Args:
+      coefficients: of eq. 3.2.
+      constants: the spec's: goal (x, y), goal_radius, obstacle and obstacle_radius (families of two), m.
+    """
+    goal, goal_radius, obstacles, radii = _regions(constants)
+
+    def discrete(signals: Mapping[str, Array]) -> Array:
+        at_goal = _distance(signals["ee"], goal) <= goal_radius
+        inside = np.any([_distance(signals["ee"], o) <= r for o, r in zip(obstacles, radii, strict=True)], axis=0)
+        return np.select([at_goal, inside], [coefficients.goal, coefficients.obstacle], 0.0)
+
+    def continuous(signals: Mapping[str, Array]) -> Array:
+        from_obstacles = sum(_distance(signals["ee"], o) for o in obstacles)
+        return np.asarray(-coefficients.c1 * _distance(signals["ee"], goal) + coefficients.c2 * from_obstacles)
+
+    return {"discrete": discrete, "continuous": continuous}
+
+
+def _regions(constants: Mapping[str, Any]) -> tuple[Array, float, list[Array], list[float]]:
+    """Goal, its radius, obstacles and their radii, by the names that the hand-made rewards rely on."""
+    try:
+        obstacles = constants["obstacle"]
+        radii = [float(constants["obstacle_radius"][i]) for i in obstacles]
+        goal, goal_radius = np.array(constants["goal"], dtype=float), float(constants["goal_radius"])
+    except (KeyError, TypeError) as error:
+        raise UserError(
+            f"the hand-made rewards of reach_avoid need the spec's constants goal, goal_radius, obstacle[...] and "
+            f"obstacle_radius[...]; this spec has: {', '.join(constants) or 'none'} ({error}). Define them, or train "
+            f"on the spec alone: cases=[tltl_episodic]"
+        ) from error
+    return goal, goal_radius, [np.array(o, dtype=float) for o in obstacles.values()], radii
+
+
+def _distance(points: Array, centre: Array) -> Array:
+    """Euclidean distance, (..., 2) => (...)."""
+    return np.asarray(np.sqrt(np.sum((points - centre) ** 2, axis=-1)))
 
 
 def forward_kinematics(angles: Array, link_lengths: Array) -> Array:

@@ -65,9 +65,7 @@ class Task(control.Task, abc.ABC):  # type: ignore[misc]  # dm_control has no ty
         self.command_scale = command_scale
         self.feedback = feedback
         self.rewards = dict(rewards)
-        self.random = (
-            random if isinstance(random, np.random.RandomState) else np.random.RandomState(random)  # noqa: NPY002
-        )
+        self.random = random if isinstance(random, np.random.RandomState) else np.random.RandomState(random)
 
     @abc.abstractmethod
     def make_physics(self) -> mujoco.Physics:
