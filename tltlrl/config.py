@@ -85,7 +85,8 @@ KEYS = {
     "runs_dir": str,
     "overwrite": bool,
 }
-MACHINERY = ("workers", "engine", "runs_dir", "overwrite")  # changes how, but not what
+# What changes how, but not what: left out of a result's config.yaml.
+MACHINERY_DEFAULTS: dict[str, Any] = {"workers": None, "engine": {}, "runs_dir": "runs", "overwrite": False}
 
 
 def experiment_from(config: Mapping[str, Any]) -> Experiment:
@@ -121,7 +122,7 @@ def experiment_from(config: Mapping[str, Any]) -> Experiment:
         engine=dataclass_from(EngineConfig, config["engine"], "engine"),
         runs_dir=config["runs_dir"],
         overwrite=config["overwrite"],
-        settings={key: value for key, value in config.items() if key not in MACHINERY},
+        settings={key: value for key, value in config.items() if key not in MACHINERY_DEFAULTS},
     )
     _check_algorithm(experiment.algorithm)
     for case in experiment.cases:  # builds each kind of task once: wrong geometry or missing constants show here

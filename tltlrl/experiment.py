@@ -12,14 +12,15 @@ from typing import Any
 
 import yaml
 
-from tltlrl.config import Experiment
+from tltlrl.config import MACHINERY_DEFAULTS, Experiment, experiment_from
 from tltlrl.engine import run_all
 from tltlrl.errors import UserError
-from tltlrl.files import write_json, write_text
+from tltlrl.files import read_arrays, write_json, write_text
 from tltlrl.manifest import manifest
+from tltlrl.policy import Policy
 from tltlrl.progress import Progress
 from tltlrl.report import write_report
-from tltlrl.training import DONE, Run
+from tltlrl.training import DONE, POLICY, Run
 
 CONFIG, MANIFEST, SPECS, LOG, LOCK = "config.yaml", "manifest.json", "specs", "log.txt", ".lock"
 GROWING = ("cases", "seeds")  # more of these extend a folder; anything else makes it another experiment
@@ -52,6 +53,30 @@ def run_experiment(experiment: Experiment, command: list[str]) -> bool:
 def run_folder(folder: Path, run: Run) -> Path:
     """Where a run's files lie."""
     return folder / run.case.name / f"seed_{run.seed}"
+
+
+def open_run(folder: Path) -> tuple[Run, Policy]:
+    """A finished run read back from its folder, <experiment>/<case>/seed_<k>.
+
+    Raises:
+      UserError: if there is no finished run.
+    """
+    above = folder.resolve().parents[1]
+    try:
+        settings = yaml.safe_load((above / CONFIG).read_text())
+        settings["spec"] = str(next((above / SPECS).iterdir()))
+        saved = read_arrays(folder / POLICY)
+        policy = Policy(saved["gain"], saved["mean"], saved["covariance"], float(saved["correlation"]))
+        (folder / DONE).read_text()
+    except (OSError, ValueError, KeyError, TypeError, StopIteration, yaml.YAMLError) as error:
+        raise UserError(
+            f"{folder} is not the folder of a finished run ({error}); give one like runs/reach_avoid/tltl_episodic/seed_0"
+        ) from error
+    experiment = experiment_from(settings | MACHINERY_DEFAULTS)
+    for run in experiment.runs():
+        if run_folder(above, run) == folder.resolve():
+            return run, policy
+    raise UserError(f"{folder}: {above / CONFIG} knows no such case and seed")
 
 
 def compute(folder: Path, experiment: Experiment) -> dict[str, str]:
