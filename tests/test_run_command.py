@@ -12,8 +12,18 @@ from pathlib import Path
 
 import pytest
 
-SMALL = ("experiment=reach_avoid", "name=small", "seeds=2", "algorithm.iterations=3", "algorithm.samples=8", "task.steps=40",
-         "trials=5", "algorithm.epsilon=0.5")  # fmt: skip
+from tltlrl import cli
+
+SMALL = (
+    "experiment=reach_avoid",
+    "name=small",
+    "seeds=2",
+    "algorithm.iterations=3",
+    "algorithm.samples=8",
+    "algorithm.epsilon=0.5",
+    "task.steps=40",
+    "trials=5",
+)
 CASES = ("tltl_episodic", "discrete_episodic", "continuous_episodic", "discrete_step", "continuous_step")
 
 
@@ -49,7 +59,9 @@ def launcher():
 
 def test_the_folder_of_a_finished_experiment(undisturbed):
     expected = {"config.yaml", "manifest.json", "learning_curves.csv", "summary.csv", "summary.md", "report.md"}
-    assert expected | {"learning_curves.png", "learning_curves.pdf", "log.txt"} <= {p.name for p in undisturbed.iterdir()}
+    assert expected | {"learning_curves.png", "learning_curves.pdf", "log.txt"} <= {
+        p.name for p in undisturbed.iterdir()
+    }
     assert (undisturbed / "specs" / "reach_avoid.tltl").exists()
     for case in CASES:
         for seed in (0, 1):
@@ -60,11 +72,9 @@ def test_the_folder_of_a_finished_experiment(undisturbed):
 def test_learning_curves_have_the_promised_columns_and_rows(undisturbed):
     with open(undisturbed / "learning_curves.csv", newline="") as file:
         rows = list(csv.DictReader(file))
-    promised = (
-        "task case reward algorithm seed iteration episodes env_steps return_mean robustness_mean robustness_std "
-        "robustness_min robustness_max robustness_policy satisfied_fraction eta kl effective_sample_size entropy"
-    ).split()
-    assert set(promised) <= set(rows[0])
+    promised = """task case reward algorithm seed iteration episodes env_steps return_mean robustness_mean
+        robustness_std robustness_min robustness_max robustness_policy satisfied_fraction eta kl effective_sample_size entropy"""
+    assert set(promised.split()) <= set(rows[0])
     assert [(r["case"], int(r["seed"]), int(r["iteration"])) for r in rows] == [
         (case, seed, i) for case in CASES for seed in (0, 1) for i in range(3)
     ]
@@ -112,16 +122,25 @@ def test_the_same_command_again_does_nothing_and_says_so(undisturbed):
 
 
 @pytest.mark.parametrize("kill", [signal.SIGKILL, signal.SIGINT])
-def test_stopped_at_any_moment_the_same_command_ends_with_the_same_bytes(undisturbed, tmp_path, kill):
+@pytest.mark.parametrize("workers", [1, 2])
+def test_stopped_in_the_middle_the_same_command_ends_with_the_same_bytes(undisturbed, tmp_path, kill, workers):
     log = tmp_path / "stopped.txt"
-    for moment in (2.5, 3.2):
-        with open(log, "w") as file:
-            process = subprocess.Popen([*launcher(), *SMALL, "workers=1"], cwd=tmp_path, stderr=file)
-        time.sleep(moment)
-        os.kill(process.pid, kill)
+    with open(log, "w") as file:
+        process = subprocess.Popen(
+            [*launcher(), *SMALL, f"workers={workers}"], cwd=tmp_path, stderr=file, start_new_session=True
+        )
+        deadline = time.monotonic() + 60
+        while not list(tmp_path.glob("runs/small/*/*/done.json")) and time.monotonic() < deadline:
+            time.sleep(0.01)
+        stop = time.monotonic()
+        # As a terminal does, Ctrl-C goes to the whole group; kill -9 to the one process.
+        os.killpg(process.pid, kill) if kill == signal.SIGINT else os.kill(process.pid, kill)
         process.wait(timeout=20)
-        if kill == signal.SIGINT and process.returncode == 130:
-            assert "the same command goes on from there" in log.read_text()
+    if kill == signal.SIGINT:
+        assert time.monotonic() - stop < 3
+        assert process.returncode == 130, log.read_text()
+        assert log.read_text().endswith("tltl-run: stopped; the same command goes on from what is done\n")
+        assert "Traceback" not in log.read_text()
     code, _, errors = run(tmp_path, *SMALL, "workers=1")
     assert code == 0, errors
     assert contents(tmp_path / "runs" / "small") == contents(undisturbed)
@@ -155,7 +174,9 @@ def test_overwrite_starts_again(tmp_path):
 
 MISTAKES = {
     (): "tltl-run: say which experiment: experiment=NAME, one of: reach_avoid",
-    ("experiment=reach_avoyd",): "tltl-run: experiment=reach_avoyd: there is no such experiment; did you mean reach_avoid?",
+    ("experiment=reach_avoyd",): (
+        "tltl-run: experiment=reach_avoyd: there is no such experiment; did you mean reach_avoid?"
+    ),
     ("experiment=reach_avoid", "algorithm.sampels=3"): (
         "tltl-run: algorithm.sampels: no such key; did you mean algorithm.samples?"
     ),
@@ -198,10 +219,19 @@ MISTAKES = {
 
 
 @pytest.mark.parametrize("arguments", MISTAKES, ids=" ".join)
-def test_a_mistake_is_one_message_exit_code_2_and_nothing_written(tmp_path, arguments):
-    code, output, errors = run(tmp_path, *arguments)
-    assert (code, output) == (2, "")
-    assert errors.strip() == MISTAKES[arguments]
+def test_a_mistake_is_one_message_exit_code_2_and_nothing_written(tmp_path, monkeypatch, capsys, arguments):
+    monkeypatch.chdir(tmp_path)
+    code = cli.run(list(arguments))
+    printed = capsys.readouterr()
+    assert (code, printed.out) == (2, "")
+    assert printed.err.strip() == MISTAKES[arguments]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_mistake_through_the_real_command(tmp_path):
+    assert run(tmp_path, "experiment=reach_avoid", "sedes=3") == (
+        2, "", "tltl-run: sedes: no such key; did you mean seeds?\n"
+    )  # fmt: skip
     assert list(tmp_path.iterdir()) == []
 
 

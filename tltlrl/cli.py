@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 import re
 import sys
+from collections.abc import Callable
 from typing import Any
 
 from tltlrl.errors import UserError, nearest
 from tltlrl.resources import CONFIGS, SPECS
+from tltlrl.spec import SpecError, TraceError
 
 USAGE = """\
 tltl-run: learn a robot task from its temporal-logic spec, and compare rewards over seeds.
@@ -41,13 +43,17 @@ Exit codes: 0 done, 1 a run failed, 2 something in the command, config or spec h
 
 def run_main() -> None:
     """The command `tltl-run`."""
-    arguments = sys.argv[1:]
+    sys.exit(run(sys.argv[1:]))
+
+
+def run(arguments: list[str]) -> int:
+    """`tltl-run ARGUMENTS`; its exit code."""
     if "--help" in arguments or "-h" in arguments:
-        print(usage())
-        return
+        print(usage(), end="")
+        return 0
     os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra raises what goes wrong, and it is told below
-    sys.argv[1:] = [_addable(argument) for argument in arguments]
-    sys.exit(_told(lambda: _hydra_run(arguments)))
+    sys.argv = ["tltl-run", *(_addable(argument) for argument in arguments)]
+    return _told("tltl-run", lambda: _hydra_run(arguments))
 
 
 def main() -> None:
@@ -62,23 +68,14 @@ def _addable(argument: str) -> str:
 def _hydra_run(arguments: list[str]) -> int:
     import hydra
     from hydra.errors import ConfigCompositionException, OverrideParseException
-    from omegaconf import OmegaConf
-    from omegaconf.errors import OmegaConfBaseException
 
-    ended: list[bool] = []
+    codes: list[int] = []
 
-    def run(config: Any) -> None:
-        try:
-            settings: Any = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
-        except OmegaConfBaseException as error:
-            raise UserError(str(error).splitlines()[0]) from error
-        from tltlrl.config import experiment_from
-        from tltlrl.experiment import run_experiment
-
-        ended.append(run_experiment(experiment_from(settings), ["tltl-run", *arguments]))
+    def job(config: Any) -> None:
+        codes.append(_told("tltl-run", lambda: _run(config, arguments)))
 
     try:
-        hydra.main(version_base="1.3", config_path=str(CONFIGS), config_name="config")(run)()
+        hydra.main(version_base="1.3", config_path=str(CONFIGS), config_name="config")(job)()
     except OverrideParseException as error:
         raise UserError(
             f"{error.override}: not readable as key=value; a list is written [1,2,3], text with special characters "
@@ -86,7 +83,24 @@ def _hydra_run(arguments: list[str]) -> int:
         ) from error
     except ConfigCompositionException as error:
         raise UserError(_explain_composition(error, arguments)) from error
-    return 0 if all(ended) else 1
+    return max(codes, default=0)
+
+
+def _run(config: Any, arguments: list[str]) -> int:
+    from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
+
+    from tltlrl.config import experiment_from
+
+    try:
+        settings: Any = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
+    except OmegaConfBaseException as error:
+        raise UserError(str(error).splitlines()[0]) from error
+    experiment = experiment_from(settings)
+
+    from tltlrl.experiment import run_experiment  # pandas and matplotlib take a second that a mistake need not wait
+
+    return 0 if run_experiment(experiment, ["tltl-run", *arguments]) else 1
 
 
 def _explain_composition(error: Any, arguments: list[str]) -> str:
@@ -132,7 +146,7 @@ def usage() -> str:
 
     experiments = _names("experiment")
     shown = experiments[0]
-    config = yaml.safe_dump(compose([f"experiment={shown}"]), sort_keys=False)
+    config = yaml.safe_dump(compose([f"experiment={shown}"]), sort_keys=False, default_flow_style=None, width=90)
     return USAGE.format(
         experiments=", ".join(experiments),
         specs=", ".join(path.name for path in sorted(SPECS.glob("*.tltl"))),
@@ -145,12 +159,13 @@ def _names(group: str) -> list[str]:
     return sorted(path.stem for path in (CONFIGS / group).glob("*.yaml"))
 
 
-def _told(command: Any) -> int:
+def _told(name: str, command: Callable[[], int]) -> int:
     """Runs a command; what its user has to mend becomes one message and exit code 2."""
     try:
-        return int(command())
+        return command()
     except KeyboardInterrupt:
+        print(f"{name}: stopped; the same command goes on from what is done", file=sys.stderr)
         return 130
-    except UserError as error:
-        print(f"{os.path.basename(sys.argv[0])}: {error}", file=sys.stderr)
+    except (UserError, SpecError, TraceError) as error:
+        print(f"{name}: {error}", file=sys.stderr)
         return 2

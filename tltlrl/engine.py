@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
+import signal
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -51,10 +52,9 @@ def run_all(jobs: list[Job], workers: int, address: str | None, on_progress: OnP
     with _cluster(workers, address) as scheduler, Client(scheduler, set_as_default=False) as client:
         client.subscribe_topic(TOPIC, lambda event: on_progress(*event[1]))
         futures = {
-            client.submit(_on_worker, index, run, folder, pure=False, retries=0): index
-            for index, (run, folder) in enumerate(jobs)
+            client.submit(_on_worker, index, run, folder, pure=False): index for index, (run, folder) in enumerate(jobs)
         }
-        for future in as_completed(futures):
+        for future in as_completed(futures, loop=client.loop):
             on_end(futures[future], future.exception() if future.status == "error" else None)
 
 
@@ -79,19 +79,24 @@ def _cluster(workers: int, address: str | None) -> Iterator[str]:
         yield address
         return
 
-    import psutil
-    from dask import config as dask_config
     from distributed import LocalCluster
 
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # closing workers log their broken connections
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")  # inherited by the workers: parallelism lies between runs
-    with dask_config.set({"distributed.worker.daemon": True}):
+    # Ctrl-C reaches the whole process group; the workers inherit that it is not theirs to answer.
+    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
         cluster = LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None, processes=True)
+    finally:
+        signal.signal(signal.SIGINT, handler)
+    processes = [worker.pid for worker in cluster.workers.values()]
     try:
         yield cluster.scheduler_address
-        cluster.close()
+    except BaseException:
+        for process in processes:
+            with contextlib.suppress(OSError):
+                os.kill(process, signal.SIGKILL)
+        raise
     finally:
-        for child in psutil.Process().children(recursive=True):
-            with contextlib.suppress(psutil.NoSuchProcess):
-                child.kill()
+        cluster.close(timeout=1)

@@ -70,7 +70,8 @@ def open_run(folder: Path) -> tuple[Run, Policy]:
         (folder / DONE).read_text()
     except (OSError, ValueError, KeyError, TypeError, StopIteration, yaml.YAMLError) as error:
         raise UserError(
-            f"{folder} is not the folder of a finished run ({error}); give one like runs/reach_avoid/tltl_episodic/seed_0"
+            f"{folder} is not the folder of a finished run ({error}); "
+            "give one like runs/reach_avoid/tltl_episodic/seed_0"
         ) from error
     experiment = experiment_from(settings | MACHINERY_DEFAULTS)
     for run in experiment.runs():
@@ -101,7 +102,7 @@ def compute(folder: Path, experiment: Experiment) -> dict[str, str]:
         try:
             run_all(missing, workers, experiment.engine.address, progress.advance, on_end)
         except KeyboardInterrupt:
-            progress.say(f"stopped; what is done is kept in {folder}: the same command goes on from there")
+            progress.say(f"stopped; what is done is kept in {folder}")
             raise
     return failures
 

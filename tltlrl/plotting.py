@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -14,7 +15,7 @@ from scipy.stats import bootstrap
 Array = NDArray[np.float64]
 
 # Told apart in grey by lightness and dash, and by colour (Okabe and Ito's palette, safe for colour-blind readers).
-STYLES: dict[str, dict[str, object]] = {
+STYLES: dict[str, dict[str, Any]] = {
     "tltl_episodic": {"color": "#000000", "linestyle": "-"},
     "discrete_episodic": {"color": "#D55E00", "linestyle": "--"},
     "continuous_episodic": {"color": "#0072B2", "linestyle": "-."},
@@ -28,7 +29,7 @@ LABELS = {
     "discrete_step": "discrete, step-based",
     "continuous_step": "continuous, step-based",
 }
-FONT = {"font.size": 9, "axes.titlesize": 9, "legend.fontsize": 8, "pdf.fonttype": 42}
+FONT: dict[Any, Any] = {"font.size": 9, "axes.titlesize": 9, "legend.fontsize": 8, "pdf.fonttype": 42}
 RESAMPLES = 2000
 
 
@@ -89,4 +90,4 @@ def bootstrap_band(values: Array) -> tuple[Array, Array]:
         (values.T,), np.mean, axis=0, vectorized=True, n_resamples=RESAMPLES, method="percentile",
         rng=np.random.default_rng(0),
     ).confidence_interval  # fmt: skip
-    return interval.low, interval.high
+    return np.asarray(interval.low), np.asarray(interval.high)

@@ -8,7 +8,14 @@ import pytest
 
 from tltlrl.errors import UserError
 from tltlrl.tasks import planar_arm
-from tltlrl.tasks.planar_arm import PlanarArm, PlanarArmConfig, ReachAvoidReward, forward_kinematics, model_xml
+from tltlrl.tasks.planar_arm import (
+    PlanarArm,
+    PlanarArmConfig,
+    ReachAvoidReward,
+    VisitInOrderReward,
+    forward_kinematics,
+    model_xml,
+)
 from tltlrl.tasks.task import CONTROL_TIMESTEP
 
 CONSTANTS = {
@@ -94,14 +101,73 @@ def test_servo_is_fast_enough(seed):
 
 def test_reach_avoid_rewards_are_equation_3_2():
     rewards = planar_arm.reach_avoid_rewards(ReachAvoidReward(goal=5, obstacle=-2, c1=1.0, c2=0.25), CONSTANTS)
-    ee = np.array([[-1.2, 1.59], [0.3, 2.4], [-0.6, 0.3], [2.0, 2.0]])  # at the goal, in obstacle 1, in 2, free
-    np.testing.assert_array_equal(rewards["discrete"]({"ee": ee}), [5.0, -2.0, -2.0, 0.0])
-    for point, value in zip(ee, rewards["continuous"]({"ee": ee}), strict=True):
+    ee = np.array([[[-1.2, 1.59], [0.3, 2.4], [-0.6, 0.3], [2.0, 2.0]]])  # at the goal, in obstacle 1, in 2, free
+    np.testing.assert_array_equal(rewards["discrete"]({"ee": ee}), [[5.0, -2.0, -2.0, 0.0]])
+    for point, value in zip(ee[0], rewards["continuous"]({"ee": ee})[0], strict=True):
         d_g = np.hypot(*(point - [-1.2, 1.4]))
         d_o1, d_o2 = np.hypot(*(point - [0.3, 2.0])), np.hypot(*(point - [-0.6, 0.6]))
         np.testing.assert_allclose(value, -1.0 * d_g + 0.25 * (d_o1 + d_o2))
 
 
 def test_rewards_say_which_constants_of_the_spec_they_miss():
-    with pytest.raises(UserError, match=r"need the spec's constants .* this spec has: target"):
+    with pytest.raises(
+        UserError, match="spec: the hand-made rewards need its constants goal, goal_radius; it has target"
+    ):
         planar_arm.reach_avoid_rewards(ReachAvoidReward(), {"target": (0.0, 0.0)})
+
+
+R, G, B, FREE, IN_OBSTACLE = (0.2, 2.2), (-1.6, 1.2), (1.6, 0.6), (2.5, 0.0), (0.0, 0.9)
+IN_ORDER = {
+    "goal": {"r": R, "g": G, "b": B},
+    "goal_radius": 0.2,
+    "obstacle": {"1": (-0.7, 2.2), "2": IN_OBSTACLE, "3": (1.4, 1.5)},
+    "obstacle_radius": {"1": 0.35, "2": 0.4, "3": 0.3},
+}
+
+
+@pytest.mark.parametrize(
+    ("path", "rewards"),
+    [
+        pytest.param([FREE, R, FREE, G, FREE, B, FREE], [0, 5, 0, 5, 0, 5, 0], id="right order"),
+        pytest.param([R, G, B], [5, 5, 5], id="right order without a pause, from the first sample"),
+        pytest.param([R, R, R, G], [5, 0, 0, 5], id="staying is worth nothing"),
+        pytest.param([G, FREE, R, G], [-5, 0, 5, 5], id="too early, then right"),
+        pytest.param([B, G, R], [-5, -5, 5], id="wrong order"),
+        pytest.param([R, FREE, R, FREE, G], [5, 0, -5, 0, 5], id="revisit"),
+        pytest.param([R, G, B, FREE, R, B], [5, 5, 5, 0, -5, -5], id="revisits after the last"),
+        pytest.param([IN_OBSTACLE, R, IN_OBSTACLE, IN_OBSTACLE], [-2, 5, -2, -2], id="obstacles"),
+    ],
+)
+def test_visit_in_order_discrete_is_equation_3_5_with_its_memory(path, rewards):
+    discrete = planar_arm.visit_in_order_rewards(VisitInOrderReward(), IN_ORDER)["discrete"]
+    np.testing.assert_array_equal(discrete({"ee": np.array([path])}), [rewards])
+
+
+def test_visit_in_order_continuous_is_equation_3_5_with_its_memory():
+    coefficients = VisitInOrderReward(c1=1.0, c2=0.3, c3=0.2)
+    continuous = planar_arm.visit_in_order_rewards(coefficients, IN_ORDER)["continuous"]
+    path = np.array([FREE, R, FREE, G, B, FREE])
+    following = ["r", "r", "g", "g", "b", None]  # the goal to go for at each sample: visits count from the next on
+    for point, following_goal, value in zip(path, following, continuous({"ee": path[None]})[0], strict=True):
+        d_g = {name: np.hypot(*(point - np.array(goal))) for name, goal in IN_ORDER["goal"].items()}
+        d_o = [np.hypot(*(point - np.array(centre))) for centre in IN_ORDER["obstacle"].values()]
+        towards = d_g.pop(following_goal) if following_goal else 0.0
+        np.testing.assert_allclose(value, -1.0 * towards + 0.3 * sum(d_g.values()) + 0.2 * sum(d_o))
+
+
+def test_the_environments_reward_remembers_the_episode():
+    """Stepping gives, sample by sample, what the batch gives at once."""
+    from tltlrl.tasks.task import environment
+
+    rewards = planar_arm.visit_in_order_rewards(VisitInOrderReward(), IN_ORDER | {"goal_radius": 0.6})
+    env = environment(PlanarArm(PlanarArmConfig(name="visit_in_order", steps=80, command_noise=0.0), rewards))
+    timestep = env.reset()
+    path, stepped = [timestep.observation["end_effector"]], []
+    rng = np.random.default_rng(4)
+    while not timestep.last():
+        timestep = env.step(rng.normal([0.4, 0.2, 0.6], 1.5))
+        path.append(timestep.observation["end_effector"])
+        stepped.append(timestep.reward)
+    batch = rewards["discrete"]({"ee": np.array([path])})[0]
+    np.testing.assert_array_equal(batch[1:], stepped)
+    assert {5.0, -5.0} <= set(stepped)  # the walk is long enough to mean something

@@ -41,10 +41,7 @@ class Explanation:
     def __str__(self) -> str:
         verdict = "satisfied" if self.value > 0 else "violated" if self.value < 0 else "undecided"
         if self.predicate is None:
-            return (
-                f"{verdict}, robustness {self.value:+g}: decided by the end of the trajectory, step "
-                f"{self.step}"
-            )
+            return f"{verdict}, robustness {self.value:+g}: decided by the end of the trajectory, step {self.step}"
         part = f" in {self.name}" if self.name else ""
         sign = "not " if self.negated else ""
         return (
@@ -98,9 +95,7 @@ def _formulas(meaning: Meaning, roots: list[int]) -> list[int]:
     return sorted(found)
 
 
-def _step(
-    op: Op, value: float, t: int, stop: int, suffixes: Callable[[int], Values]
-) -> tuple[int, int, int] | None:
+def _step(op: Op, value: float, t: int, stop: int, suffixes: Callable[[int], Values]) -> tuple[int, int, int] | None:
     """The argument, its step and the end of its slice that give an operation its value at t on [t, stop).
 
     None when there is none: the end of the trajectory decides.

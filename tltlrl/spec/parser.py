@@ -53,9 +53,7 @@ class _TreeBuilder(Transformer[Token, object]):
         declarations = (*parts[:keyword], *parts[keyword + 3 :])
         assert isinstance(formula, Node)
         return syntax.Document(
-            tuple(
-                d for d in declarations if isinstance(d, syntax.Signal | syntax.Constant | syntax.Definition)
-            ),
+            tuple(d for d in declarations if isinstance(d, syntax.Signal | syntax.Constant | syntax.Definition)),
             formula,
             span=formula.span,
         )
@@ -209,9 +207,7 @@ def _grammar() -> Lark:
 def parse(source: Source) -> syntax.Document:
     """Read a spec's text. Raises SpecError at the first thing that is no TLTL."""
     if not source.text.strip():
-        raise SpecError(
-            source, Span(), "the text is empty; a spec needs a formula; write one, such as G (x < 1)"
-        )
+        raise SpecError(source, Span(), "the text is empty; a spec needs a formula; write one, such as G (x < 1)")
     try:
         document = _grammar().parse(source.text)
     except UnexpectedInput as mistake:
@@ -276,9 +272,7 @@ def _expected(token: Token, accepts: set[str], history: list[Token]) -> str:
                 f"use another name, such as '{_renamed(token)}'"
             )
         if before == "DOT":
-            return (
-                "expected a component after the dot; write .x, .y or .z, or an index in brackets, as in ee[0]"
-            )
+            return "expected a component after the dot; write .x, .y or .z, or an index in brackets, as in ee[0]"
         return "expected a name; names begin with a letter"
     if "NAME" in accepts and "LPAR" in accepts:
         if token.type in _DECLARATIONS:
@@ -294,20 +288,12 @@ def _expected(token: Token, accepts: set[str], history: list[Token]) -> str:
         return "expected a formula or a number; write an operand here"
     if token.type == "ASSIGN":
         if "COLON" in accepts:
-            return (
-                "expected ':'; a sub-formula is named by 'def name: formula', a number by 'let name "
-                "= expression'"
-            )
-        return (
-            "a formula has no equality, its robustness would never be positive; write abs(a - b) < tolerance"
-        )
+            return "expected ':'; a sub-formula is named by 'def name: formula', a number by 'let name = expression'"
+        return "a formula has no equality, its robustness would never be positive; write abs(a - b) < tolerance"
     if token.type == "COLON" and "ASSIGN" in accepts:
         return "expected '='; a number is named by 'let name = expression', a formula by 'def name: formula'"
     if {"LPAR", "NUMBER", "MINUS"} & accepts and "NAME" not in accepts:
-        return (
-            "a constant is a number or a vector of numbers, as 0.2 or (1.5, -2); name anything else "
-            "with 'let'"
-        )
+        return "a constant is a number or a vector of numbers, as 0.2 or (1.5, -2); name anything else with 'let'"
     if accepts & {"NUMBER", "NAME"} and not accepts & {"LPAR"}:
         return "expected a label or a number; write for instance [r] or [2]"
     missing = [
@@ -327,9 +313,7 @@ def _expected(token: Token, accepts: set[str], history: list[Token]) -> str:
     if "AND" in accepts:
         marks = "".join(f" or '{mark}'" for name, mark in missing if name in {"RPAR", "COMMA"})
         if token.type in {"LESS", "GREATER"}:
-            return (
-                f"expected a logical operator{marks}; a comparison has numbers on both sides, group with ( )"
-            )
+            return f"expected a logical operator{marks}; a comparison has numbers on both sides, group with ( )"
         if token.type in {"NAME", "NUMBER", "LPAR", "NOT"} or token.type in _OPERATORS:
             if token.type in _DECLARATIONS and missing:
                 return f"expected '{missing[0][1]}'; close what is open before the next declaration"

@@ -132,30 +132,18 @@ class _Resolver:
             first = self.declared.get(d.name)
             if d.name in FUNCTIONS:
                 raise self.error(d, f"'{d.name}' is a function of the language; choose another name")
-            if first is not None and not (
-                isinstance(d, syntax.Constant) and isinstance(first, syntax.Constant)
-            ):
-                raise self.error(
-                    d, f"'{d.name}' is declared twice, first on line {first.span.line}; rename one"
-                )
+            if first is not None and not (isinstance(d, syntax.Constant) and isinstance(first, syntax.Constant)):
+                raise self.error(d, f"'{d.name}' is declared twice, first on line {first.span.line}; rename one")
             if isinstance(d, syntax.Constant):
-                if first is not None and (
-                    d.label is None or d.name not in labels or d.label in labels[d.name]
-                ):
+                if first is not None and (d.label is None or d.name not in labels or d.label in labels[d.name]):
                     what = d.name if d.label is None else f"{d.name}[{d.label}]"
-                    raise self.error(
-                        d, f"'{what}' is declared twice, first on line {first.span.line}; delete one"
-                    )
+                    raise self.error(d, f"'{what}' is declared twice, first on line {first.span.line}; delete one")
                 if d.label is not None:
                     labels.setdefault(d.name, []).append(d.label)
                 if not all(map(math.isfinite, d.value if isinstance(d.value, tuple) else (d.value,))):
-                    raise self.error(
-                        d, f"the value of '{d.name}' is too large for a float; write a finite number"
-                    )
+                    raise self.error(d, f"the value of '{d.name}' is too large for a float; write a finite number")
             if isinstance(d, syntax.Signal) and d.dimension is not None and d.dimension < 1:
-                raise self.error(
-                    d, "a vector's dimension is a whole number from 1 on; write for instance ee[2]"
-                )
+                raise self.error(d, "a vector's dimension is a whole number from 1 on; write for instance ee[2]")
             if isinstance(d, syntax.Definition) and d.variable:
                 labels[d.name] = list(d.labels)
             self.declared.setdefault(d.name, d)
@@ -174,9 +162,7 @@ class _Resolver:
             twice = next(label for label in labels if labels.count(label) > 1)
             raise self.error(span, f"the label '{twice}' is listed twice; delete one")
         if variable in self.declared or variable in labels or variable in FUNCTIONS:
-            raise self.error(
-                span, f"the variable '{variable}' is also another name here; choose another variable"
-            )
+            raise self.error(span, f"the variable '{variable}' is also another name here; choose another variable")
 
     def _infer_signals(self, formula: Node) -> None:
         """In a bare formula every free name is a signal: a vector where it meets one, else a scalar."""
@@ -213,8 +199,7 @@ class _Resolver:
                 span = own[0].span if own else document.span
                 raise self.error(
                     span,
-                    f"an override gives the constant '{name}', which this spec lacks; "
-                    f"{did_you_mean(name, names)}",
+                    f"an override gives the constant '{name}', which this spec lacks; {did_you_mean(name, names)}",
                 )
         for name, given in overrides.items():
             d = next(d for d in own if d.name == name)
@@ -264,8 +249,7 @@ class _Resolver:
         if not fits:
             raise self.error(
                 d,
-                f"the override of '{what}' is {given!r}; expected {expected}, all finite, as the spec's "
-                f"own value",
+                f"the override of '{what}' is {given!r}; expected {expected}, all finite, as the spec's own value",
             )
         return value
 
@@ -281,9 +265,7 @@ class _Resolver:
                 value = value[d.label]
             return syntax.Constant(d.name, d.label, value, span=d.span)
 
-        return syntax.Document(
-            tuple(map(effective, document.declarations)), document.formula, span=document.span
-        )
+        return syntax.Document(tuple(map(effective, document.declarations)), document.formula, span=document.span)
 
     # The pass
 
@@ -375,13 +357,9 @@ class _Resolver:
         if result is not None:
             return result
         if node.name in scope:
-            raise self.error(
-                node, f"'{node.name}' is a label; it can only stand in brackets, as in goal[{node.name}]"
-            )
+            raise self.error(node, f"'{node.name}' is a label; it can only stand in brackets, as in goal[{node.name}]")
         if node.name in FUNCTIONS:
-            raise self.error(
-                node, f"'{node.name}' is a function; expected its arguments; write {node.name}(...)"
-            )
+            raise self.error(node, f"'{node.name}' is a function; expected its arguments; write {node.name}(...)")
         known = [*self.declared, *FUNCTIONS]
         advice = did_you_mean(node.name, known)
         if not advice.startswith("did"):
@@ -403,8 +381,7 @@ class _Resolver:
         if not label.isdecimal() or int(label) >= len(vector.components):
             raise self.error(
                 node,
-                f"'{base}' has no component [{label}]; expected 0 to {len(vector.components) - 1}; "
-                f"correct the index",
+                f"'{base}' has no component [{label}]; expected 0 to {len(vector.components) - 1}; correct the index",
             )
         return Quantity((vector.components[int(label)],))
 
@@ -450,9 +427,7 @@ class _Resolver:
     def quantity(self, node: Node, scope: Mapping[str, str]) -> Quantity:
         result = self.evaluate(node, scope)
         if isinstance(result, Truth):
-            raise self.error(
-                node, "found a formula; expected a number; only numbers are compared and computed with"
-            )
+            raise self.error(node, "found a formula; expected a number; only numbers are compared and computed with")
         return result
 
     def scalar(self, node: Node, scope: Mapping[str, str]) -> int:
@@ -469,9 +444,7 @@ class _Resolver:
         result = self.quantity(node, scope)
         if result.dimension is None:
             advice = (
-                f"declare '{node}' as a vector: signal {node}[2]"
-                if self.is_bare
-                else "use a vector or leave it out"
+                f"declare '{node}' as a vector: signal {node}[2]" if self.is_bare else "use a vector or leave it out"
             )
             raise self.error(node, f"found a scalar; expected a vector: {reason}; {advice}")
         return result
@@ -492,9 +465,7 @@ class _Resolver:
         try:
             number = self.graph.add(name, *args)
         except FloatingPointError:
-            raise self.error(
-                node, f"'{node}' is a constant without a finite value; correct its numbers"
-            ) from None
+            raise self.error(node, f"'{node}' is a constant without a finite value; correct its numbers") from None
         self.places.setdefault(number, Predicate(str(node), node.span))
         return number
 
@@ -512,15 +483,11 @@ class _Resolver:
                     "work on components (.x, [0]) or use norm(...)",
                 )
             if left.dimension is not None and node.operator == "**":
-                raise self.error(
-                    node.left, f"found {_shape(left)}; expected a scalar before **; use norm(...)"
-                )
+                raise self.error(node.left, f"found {_shape(left)}; expected a scalar before **; use norm(...)")
         dimension = left.dimension if left.dimension is not None else right.dimension
         lefts = left.components * (dimension or 1) if left.dimension is None else left.components
         rights = right.components * (dimension or 1) if right.dimension is None else right.components
-        return Quantity(
-            tuple(self.fold(node, name, a, b) for a, b in zip(lefts, rights, strict=True)), dimension
-        )
+        return Quantity(tuple(self.fold(node, name, a, b) for a, b in zip(lefts, rights, strict=True)), dimension)
 
     def _call(self, node: syntax.Call, scope: Mapping[str, str]) -> Quantity | Truth:
         name, arguments = node.function, node.arguments
@@ -533,16 +500,13 @@ class _Resolver:
             plural = "s" * (fewest > 1)
             raise self.error(
                 node,
-                f"'{name}' got {len(arguments)} arguments; expected {fewest} argument{plural}; add or "
-                f"delete some",
+                f"'{name}' got {len(arguments)} arguments; expected {fewest} argument{plural}; add or delete some",
             )
         match name:
             case "ball" | "box":
                 return Truth(self._region(node, scope))
             case "norm":
-                vector = self.vector(
-                    arguments[0], scope, "a norm is taken of a vector, of a scalar use abs(...)"
-                )
+                vector = self.vector(arguments[0], scope, "a norm is taken of a vector, of a scalar use abs(...)")
                 return Quantity((self.fold(node, "norm", *vector.components),))
             case "distance":
                 return Quantity((self._distance(node, scope, arguments),))
@@ -557,9 +521,7 @@ class _Resolver:
 
     def _distance(self, node: Node, scope: Mapping[str, str], points: tuple[Node, ...]) -> int:
         a, b = self.same(points, scope, "a distance is between points of one space")
-        differences = [
-            self.fold(node, "subtract", p, q) for p, q in zip(a.components, b.components, strict=True)
-        ]
+        differences = [self.fold(node, "subtract", p, q) for p, q in zip(a.components, b.components, strict=True)]
         number = self.fold(node, "absolute" if a.dimension is None else "norm", *differences)
         for point, centre_node, centre in ((points[0], points[1], b), (points[1], points[0], a)):
             if a.dimension is not None and self._is_fixed(centre):
@@ -576,8 +538,7 @@ class _Resolver:
         if not self._is_fixed(value):
             raise self.error(
                 node,
-                "found a signal; expected constants, a region keeps its place; for a moving one use "
-                "distance(...)",
+                "found a signal; expected constants, a region keeps its place; for a moving one use distance(...)",
             )
         return tuple(self.graph.constant(c) for c in value.components)
 
@@ -591,9 +552,7 @@ class _Resolver:
             radius = self.quantity(radius_node, scope)
             (size,) = self._fixed(radius_node, radius)
             if size <= 0:
-                raise self.error(
-                    radius_node, f"the radius is {size:g}; expected a positive number; correct it"
-                )
+                raise self.error(radius_node, f"the radius is {size:g}; expected a positive number; correct it")
             far = self._distance(node, scope, (point, centre_node))
             number = self._predicate(node, self.fold(node, "subtract", radius.components[0], far))
             if values[0].dimension is not None:
@@ -626,16 +585,12 @@ class _Resolver:
     def truth(self, node: Node, scope: Mapping[str, str]) -> Truth:
         result = self.evaluate(node, scope)
         if isinstance(result, Quantity):
-            raise self.error(
-                node, f"found {_shape(result)}; expected a formula; compare it, as in {node} < 1"
-            )
+            raise self.error(node, f"found {_shape(result)}; expected a formula; compare it, as in {node} < 1")
         return result
 
     def _predicate(self, node: Node, number: int) -> int:
         if self.graph.ops[number].name == "constant":
-            raise self.error(
-                node, f"'{node}' holds no signal, its value never changes; expected a signal; correct it"
-            )
+            raise self.error(node, f"'{node}' holds no signal, its value never changes; expected a signal; correct it")
         self.predicates.setdefault(number, Predicate(str(node), node.span))
         return number
 
@@ -674,9 +629,7 @@ class _Resolver:
                 return add("maximum", add("negative", of(p)), of(q))
             case syntax.Iff(p, q):
                 a, b = of(p), of(q)
-                return add(
-                    "minimum", add("maximum", add("negative", a), b), add("maximum", add("negative", b), a)
-                )
+                return add("minimum", add("maximum", add("negative", a), b), add("maximum", add("negative", b), a))
             case syntax.Next(p, strong):
                 return add("next", of(p), data=(1, strong))
             case syntax.Always(p, interval):
@@ -697,9 +650,7 @@ class _Resolver:
             case syntax.ForEach(quantifier, variable, labels, body):
                 self._check_binding(node.span, variable, labels)
                 if variable in scope:
-                    raise self.error(
-                        node, f"the variable '{variable}' is already bound around this; choose another"
-                    )
+                    raise self.error(node, f"the variable '{variable}' is already bound around this; choose another")
                 bodies = [self.truth(body, {**scope, variable: label}).node for label in labels]
                 return add("minimum" if quantifier == "all" else "maximum", *bodies)
             case _:
@@ -729,8 +680,7 @@ class _Resolver:
         if lower > upper:
             raise self.error(
                 interval,
-                f"the interval is reversed: {lower} is greater than {upper}; expected [small, large]; "
-                f"swap them",
+                f"the interval is reversed: {lower} is greater than {upper}; expected [small, large]; swap them",
             )
         return lower, upper
 
@@ -739,8 +689,7 @@ class _Resolver:
         if value < 0 or not value.is_integer():
             raise self.error(
                 node,
-                f"the bound is {value:g}; expected a whole number of steps from 0 on; time is counted "
-                f"in samples",
+                f"the bound is {value:g}; expected a whole number of steps from 0 on; time is counted in samples",
             )
         return int(value)
 

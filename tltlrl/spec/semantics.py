@@ -93,9 +93,7 @@ def plan(graph: Graph, roots: Mapping[int, Steps], end: int, given: Iterable[int
     for child, node in last.items():
         if child not in roots and child in steps:
             dead.setdefault(node, []).append(child)
-    instructions = tuple(
-        (node, _compute(graph, node, steps, end), tuple(dead.get(node, ()))) for node in order
-    )
+    instructions = tuple((node, _compute(graph, node, steps, end), tuple(dead.get(node, ()))) for node in order)
     return Plan(graph, end, steps, instructions)
 
 
@@ -167,9 +165,7 @@ def _compute(graph: Graph, node: int, steps: Mapping[int, Steps], end: int) -> C
     if op.name == "constant":
         value = np.asarray(graph.constant(node))
         return lambda *_: value
-    demands = [
-        (child, wanted) for child, wanted in _demands(graph, node, (a, b), end) if wanted[0] < wanted[1]
-    ]
+    demands = [(child, wanted) for child, wanted in _demands(graph, node, (a, b), end) if wanted[0] < wanted[1]]
     reads = [reader(child, wanted) for child, wanted in demands]
     if op.name not in {"next", "always", "eventually", "until", "then"}:
         return lambda values, _: apply(op, [read(values) for read in reads])
@@ -331,9 +327,7 @@ def _truncated(graph: Graph, op: Op, wanted: Steps, steps: Mapping[int, Steps], 
     def compute(values: Values, signals: Signals) -> Array:
         right = values[q][a - steps[q][0] : end - steps[q][0]]
         out = np.full((b - a, right.shape[1]), -np.inf)
-        for stop in range(
-            a + low, end
-        ):  # the t' of the definition; t runs over those with t' in t + [low, high]
+        for stop in range(a + low, end):  # the t' of the definition; t runs over those with t' in t + [low, high]
             first, last = max(a, stop - high), min(b, stop - low + 1)
             if first >= last:
                 continue
@@ -349,9 +343,7 @@ def _truncated(graph: Graph, op: Op, wanted: Steps, steps: Mapping[int, Steps], 
                 strict = min(last, stop) - first
                 if strict > 0:
                     held[:strict] = _suffixes(fold, before[first - a :], strict)
-            np.maximum(
-                out[first - a : last - a], np.minimum(held, right[stop - a]), out=out[first - a : last - a]
-            )
+            np.maximum(out[first - a : last - a], np.minimum(held, right[stop - a]), out=out[first - a : last - a])
         return out
 
     return compute

@@ -58,9 +58,7 @@ class Spec:
     overflow).
     """
 
-    def __init__(
-        self, text: str, constants: Mapping[str, object] | None, name: str, path: Path | None = None
-    ) -> None:
+    def __init__(self, text: str, constants: Mapping[str, object] | None, name: str, path: Path | None = None) -> None:
         self.text, self.path = text, path
         self._source = Source(name, text)
         self._meaning: Meaning = resolve(self._source, parse(self._source), constants)
@@ -129,9 +127,7 @@ class Spec:
                 out[rows] = values[offset, np.arange(len(offset))]
         return out
 
-    def robustness_over_time(
-        self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None
-    ) -> Array:
+    def robustness_over_time(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> Array:
         """The robustness of each suffix, (N, T): column t is the value on the samples from t on.
 
         NaN from a trajectory's length on.
@@ -149,15 +145,11 @@ class Spec:
         values = self._over_time(batch, tuple(dict.fromkeys(nodes.values())))
         return {name: values[node] for name, node in nodes.items()}
 
-    def explain(
-        self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None
-    ) -> tuple[Explanation, ...]:
+    def explain(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> tuple[Explanation, ...]:
         """What decides each trajectory's value: one Explanation each."""
         batch = _Batch(self._meaning, self._source, signals, lengths)
         self._over_time(batch, (self._meaning.root,))  # finds expressions without a finite value
-        return tuple(
-            explain(self._meaning, self._source.name, batch.single(row)) for row in range(batch.count)
-        )
+        return tuple(explain(self._meaning, self._source.name, batch.single(row)) for row in range(batch.count))
 
     def _make_plan(self, roots: tuple[int, ...], end: int, first: bool) -> Plan:
         return plan(self._meaning.graph, dict.fromkeys(roots, (0, 1) if first else (0, end)), end)
@@ -241,9 +233,7 @@ class _Batch:
             raise self.error(
                 name, f"signal '{name}' is no array of numbers; expected shape {expected}; pass floats"
             ) from None
-        if array.ndim != (2 if dimension is None else 3) or (
-            dimension is not None and array.shape[2] != dimension
-        ):
+        if array.ndim != (2 if dimension is None else 3) or (dimension is not None and array.shape[2] != dimension):
             raise self.error(
                 name,
                 f"signal '{name}' has shape {array.shape}; expected {expected}: trajectories, samples"

@@ -267,9 +267,7 @@ def walk(tree: Node) -> Iterator[tuple[Node, int]]:
 
 
 # Binding strength, loosest first; an operand that binds looser than its place needs parentheses.
-_FOR_EACH, _IFF, _IMPLIES, _OR, _AND, _UNTIL, _UNARY, _COMPARE, _SUM, _PRODUCT, _SIGN, _POWER, _ATOM = range(
-    13
-)
+_FOR_EACH, _IFF, _IMPLIES, _OR, _AND, _UNTIL, _UNARY, _COMPARE, _SUM, _PRODUCT, _SIGN, _POWER, _ATOM = range(13)
 
 
 def number_text(value: float) -> str:

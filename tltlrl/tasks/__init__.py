@@ -45,6 +45,12 @@ TASKS: dict[str, TaskEntry] = {
         planar_arm.reach_avoid_rewards,
         planar_arm.PlanarArm,
     ),
+    "visit_in_order": TaskEntry(
+        planar_arm.PlanarArmConfig,
+        planar_arm.VisitInOrderReward,
+        planar_arm.visit_in_order_rewards,
+        planar_arm.PlanarArm,
+    ),
 }
 
 
