@@ -1,7 +1,9 @@
-"""The definition of TLTL robustness, as slow and as obvious as it can be written: the judge of the fast evaluator.
+"""The definition of TLTL robustness, as slow and as obvious as it can be written: the judge of the fast
+evaluator.
 
-`robustness(f, trace, t, e)` is the value of f on the slice [t, e) of one trajectory, trace[name][t] being a float.
-Only what the random formulas of strategies.py hold is read: numbers, names of scalar signals, every formula operator.
+`robustness(f, trace, t, e)` is the value of f on the slice [t, e) of one trajectory, trace[name][t] being a
+float. Only what the random formulas of strategies.py hold is read: numbers, names of scalar signals, every
+formula operator.
 """
 
 from math import inf
