@@ -52,9 +52,9 @@ class Explanation:
 
 
 def explain(meaning: Meaning, source: str, signals: Signals) -> Explanation:
-    """Explain one trajectory: `signals` hold (T, 1) arrays."""
+    """Explain one trajectory: `signals` hold (1, T) arrays."""
     graph = meaning.graph
-    end = len(next(iter(signals.values())))
+    end = next(iter(signals.values())).shape[1]
     titles: dict[int, str] = {}
     for title, (node, _) in meaning.definitions.items():
         titles.setdefault(node, title)
@@ -63,8 +63,8 @@ def explain(meaning: Meaning, source: str, signals: Signals) -> Explanation:
     @cache
     def suffixes(stop: int) -> Values:
         """The value of every formula on every slice [t, stop)."""
-        cut = {key: array[:stop] for key, array in signals.items()}
-        return {n: v[:, 0] for n, v in plan(graph, dict.fromkeys(nodes, (0, stop)), stop).run(cut).items()}
+        cut = {key: array[:, :stop] for key, array in signals.items()}
+        return {n: v[0] for n, v in plan(graph, dict.fromkeys(nodes, (0, stop)), stop).run(cut).items()}
 
     node, t, stop, negated, name = meaning.root, 0, end, False, None
     definitions = {title: float(suffixes(end)[n][0]) for title, (n, _) in meaning.definitions.items()}
@@ -129,8 +129,10 @@ def _step(op: Op, value: float, t: int, stop: int, suffixes: Callable[[int], Val
             e = int(matches[0])
             if values[q][e] == value:
                 return q, e, stop
+            if e == t:
+                return None
             before = (suffixes(e) if truncated else values)[p][t:e]
-            return (p, t + _first(before, value), e if truncated else stop) if len(before) else None
+            return p, t + _first(before, value), e if truncated else stop
     raise TypeError(f"{op.name} is no formula")
 
 

@@ -119,12 +119,12 @@ class Spec:
         root = self._meaning.root
         if batch.offset is None:
             for rows, block in batch.blocks():
-                out[rows] = self._run(batch, rows, block, (root,), True)[root][0]
+                out[rows] = self._run(batch, rows, block, (root,), True)[root][:, 0]
         else:
             for rows, block in batch.blocks():
                 values = self._run(batch, rows, block, (root,), False)[root]
                 offset = batch.offset[rows]
-                out[rows] = values[offset, np.arange(len(offset))]
+                out[rows] = values[np.arange(len(offset)), offset]
         return out
 
     def robustness_over_time(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> Array:
@@ -168,16 +168,16 @@ class Spec:
         for rows, block in batch.blocks():
             for root, values in self._run(batch, rows, block, roots, False).items():
                 if batch.offset is None:
-                    out[root][rows, : batch.steps] = values.T
+                    out[root][rows, : batch.steps] = values
                 else:
-                    for column, row in enumerate(range(rows.start, rows.stop)):
-                        own = values[batch.offset[row] :, column]
+                    for row, whole in enumerate(values, start=rows.start):
+                        own = whole[batch.offset[row] :]
                         out[root][row, : len(own)] = own
         return out
 
 
 class _Batch:
-    """Checked signals, cut into blocks of time-major arrays.
+    """Checked signals, cut into blocks.
 
     Trajectories of different length are aligned at their ends, their first samples repeated in front:
     operators look only forward, so what stands before a trajectory changes none of its values, and no
@@ -282,7 +282,7 @@ class _Batch:
             )
 
     def blocks(self) -> Iterator[tuple[slice, dict[tuple[str, int | None], Array]]]:
-        """Slices of trajectories and their signals, one (steps, trajectories) array per component."""
+        """Slices of trajectories and their signals, one (trajectories, steps) array per component."""
         size = max(1, BLOCK // self.steps)
         for start in range(0, self.count, size):
             rows = slice(start, min(start + size, self.count))
@@ -296,23 +296,19 @@ class _Batch:
                 index = np.maximum(np.arange(self.steps) - self.offset[rows, None], 0)
                 array = np.take_along_axis(array, index if array.ndim == 2 else index[:, :, None], axis=1)
             if array.ndim == 2:
-                parts[name, None] = array.T
+                parts[name, None] = array
             else:
-                parts.update({(name, i): array[:, :, i].T for i in range(array.shape[2])})
+                parts.update({(name, i): array[:, :, i] for i in range(array.shape[2])})
         return parts
 
     def single(self, row: int) -> dict[tuple[str, int | None], Array]:
         """One trajectory's signals, cut to its length."""
         steps = self.steps - (0 if self.offset is None else int(self.offset[row]))
-        parts: dict[tuple[str, int | None], Array] = {}
-        for name, array in self.arrays.items():
-            own = array[row, :steps]
-            parts |= (
-                {(name, None): own[:, None]}
-                if own.ndim == 1
-                else {(name, i): own[:, i, None] for i in range(own.shape[1])}
-            )
-        return parts
+        return {
+            (name, i): array[row : row + 1, :steps] if i is None else array[row : row + 1, :steps, i]
+            for name, array in self.arrays.items()
+            for i in ((None,) if array.ndim == 2 else range(array.shape[2]))
+        }
 
     def failure(self, ready: Plan, rows: slice, block: Signals) -> TraceError:
         """Which expression has no finite value, and where."""
