@@ -10,6 +10,7 @@ from typing import Any
 from tltlrl.spec import syntax
 from tltlrl.spec.errors import Source, Span, SpecError, did_you_mean
 from tltlrl.spec.graph import Graph
+from tltlrl.spec.shortcut import at_start
 from tltlrl.spec.syntax import Node
 
 Value = float | tuple[float, ...]
@@ -86,6 +87,7 @@ class Meaning:
     document: syntax.Document  # with the effective constants
     graph: Graph
     root: int
+    start: int  # a node of the same value at the first sample
     signals: dict[str, int | None]
     signal_spans: dict[str, Span]
     constants: dict[str, Value | dict[str, Value]]
@@ -294,6 +296,7 @@ class _Resolver:
             self.document,
             self.graph,
             root,
+            at_start(self.graph, root),
             self.signals,
             self.signal_spans,
             self.constants,
