@@ -32,11 +32,6 @@ FUNCTIONS = {
 }
 _ONE_SCALAR = {"abs": "absolute", "sqrt": "sqrt", "exp": "exp", "sin": "sin", "cos": "cos"}
 _ARITHMETIC = {"+": "add", "-": "subtract", "*": "multiply", "/": "divide", "**": "power"}
-_UNDEFINED = {
-    "/": "a division by zero",
-    "**": "a power without a finite value",
-    "sqrt": "the root of a negative",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,19 +128,25 @@ class _Resolver:
         for d in document.declarations:
             first = self.declared.get(d.name)
             if d.name in FUNCTIONS:
-                raise self.error(d, f"'{d.name}' is a function of the language; choose another name")
+                raise self.error(d, f"'{d.name}' is a function of the language; expected a new name; choose another")
             if first is not None and not (isinstance(d, syntax.Constant) and isinstance(first, syntax.Constant)):
-                raise self.error(d, f"'{d.name}' is declared twice, first on line {first.span.line}; rename one")
+                raise self.error(
+                    d, f"'{d.name}' is declared twice, first on line {first.span.line}; expected once; rename one"
+                )
             if isinstance(d, syntax.Constant):
                 if first is not None and (d.label is None or d.name not in labels or d.label in labels[d.name]):
                     what = d.name if d.label is None else f"{d.name}[{d.label}]"
-                    raise self.error(d, f"'{what}' is declared twice, first on line {first.span.line}; delete one")
+                    raise self.error(
+                        d, f"'{what}' is declared twice, first on line {first.span.line}; expected once; delete one"
+                    )
                 if d.label is not None:
                     labels.setdefault(d.name, []).append(d.label)
                 if not all(map(math.isfinite, d.value if isinstance(d.value, tuple) else (d.value,))):
-                    raise self.error(d, f"the value of '{d.name}' is too large for a float; write a finite number")
+                    raise self.error(
+                        d, f"the value of '{d.name}' is too large for a float; expected a finite number; write one"
+                    )
             if isinstance(d, syntax.Signal) and d.dimension is not None and d.dimension < 1:
-                raise self.error(d, "a vector's dimension is a whole number from 1 on; write for instance ee[2]")
+                raise self.error(d, "found no dimension; expected a whole number from 1 on; write for instance ee[2]")
             if isinstance(d, syntax.Definition) and d.variable:
                 labels[d.name] = list(d.labels)
             self.declared.setdefault(d.name, d)
@@ -162,9 +163,12 @@ class _Resolver:
     def _check_binding(self, span: Span, variable: str, labels: tuple[str, ...]) -> None:
         if len(set(labels)) < len(labels):
             twice = next(label for label in labels if labels.count(label) > 1)
-            raise self.error(span, f"the label '{twice}' is listed twice; delete one")
+            raise self.error(span, f"the label '{twice}' is listed twice; expected once; delete one")
         if variable in self.declared or variable in labels or variable in FUNCTIONS:
-            raise self.error(span, f"the variable '{variable}' is also another name here; choose another variable")
+            raise self.error(
+                span,
+                f"the variable '{variable}' has another meaning here; expected a new name; choose another variable",
+            )
 
     def _infer_signals(self, formula: Node) -> None:
         """In a bare formula every free name is a signal: a vector where it meets one, else a scalar."""
@@ -201,7 +205,8 @@ class _Resolver:
                 span = own[0].span if own else document.span
                 raise self.error(
                     span,
-                    f"an override gives the constant '{name}', which this spec lacks; {did_you_mean(name, names)}",
+                    f"an override gives the constant '{name}', which this spec lacks; expected one of "
+                    f"its own; {did_you_mean(name, names)}",
                 )
         for name, given in overrides.items():
             d = next(d for d in own if d.name == name)
@@ -211,13 +216,13 @@ class _Resolver:
                     raise self.error(
                         d,
                         f"'{name}' is a family of constants, and its override is {given!r}; "
-                        f"expected a mapping, such as {{'{first}': {syntax.value_text(d.value)}}}",
+                        f"expected a mapping, such as {{'{first}': {syntax.value_text(d.value)}}}; write one",
                     )
                 for label in given:
                     if str(label) not in self.families[name]:
                         raise self.error(
                             d,
-                            f"an override gives '{name}[{label}]', which this spec lacks; "
+                            f"an override gives '{name}[{label}]', which this spec lacks; expected one of its own; "
                             f"{did_you_mean(str(label), self.families[name])}",
                         )
         constants: dict[str, Value | dict[str, Value]] = {}
@@ -251,7 +256,8 @@ class _Resolver:
         if not fits:
             raise self.error(
                 d,
-                f"the override of '{what}' is {given!r}; expected {expected}, all finite, as the spec's own value",
+                f"the override of '{what}' is {given!r}; expected {expected}, finite, as the spec's own "
+                f"value; correct the override",
             )
         return value
 
@@ -360,7 +366,11 @@ class _Resolver:
         if result is not None:
             return result
         if node.name in scope:
-            raise self.error(node, f"'{node.name}' is a label; it can only stand in brackets, as in goal[{node.name}]")
+            raise self.error(
+                node,
+                f"'{node.name}' is a label; expected a number; a label can only stand in brackets, as "
+                f"in goal[{node.name}]",
+            )
         if node.name in FUNCTIONS:
             raise self.error(node, f"'{node.name}' is a function; expected its arguments; write {node.name}(...)")
         known = [*self.declared, *FUNCTIONS]
@@ -413,7 +423,7 @@ class _Resolver:
                 return self._component(node, scope)
             case syntax.Number(value):
                 if not math.isfinite(value):
-                    raise self.error(node, "this number is too large for a float; write a finite one")
+                    raise self.error(node, "this number is too large for a float; expected a finite one; write one")
                 return self._number(value)
             case syntax.Vector(items):
                 return Quantity(tuple(self.scalar(item, scope) for item in items), len(items))
@@ -487,6 +497,9 @@ class _Resolver:
                 )
             if left.dimension is not None and node.operator == "**":
                 raise self.error(node.left, f"found {_shape(left)}; expected a scalar before **; use norm(...)")
+        divisor = self.graph.ops[right.components[0]]
+        if node.operator == "/" and divisor.name == "constant" and divisor.data == (0.0,):
+            raise self.error(node.right, f"'{node.right}' is zero; expected a divisor other than zero; correct it")
         dimension = left.dimension if left.dimension is not None else right.dimension
         lefts = left.components * (dimension or 1) if left.dimension is None else left.components
         rights = right.components * (dimension or 1) if right.dimension is None else right.components
@@ -503,7 +516,8 @@ class _Resolver:
             plural = "s" * (fewest > 1)
             raise self.error(
                 node,
-                f"'{name}' got {len(arguments)} arguments; expected {fewest} argument{plural}; add or delete some",
+                f"'{name}' got {len(arguments)} argument{'s' * (len(arguments) != 1)}; "
+                f"expected {fewest} argument{plural}; add or delete some",
             )
         match name:
             case "ball" | "box":
@@ -536,12 +550,13 @@ class _Resolver:
     def _is_fixed(self, value: Quantity) -> bool:
         return all(self.graph.ops[c].name == "constant" for c in value.components)
 
-    def _fixed(self, node: Node, value: Quantity) -> tuple[float, ...]:
+    def _fixed(self, node: Node, value: Quantity, what: str = "region") -> tuple[float, ...]:
         """The numbers of a quantity that holds no signal."""
         if not self._is_fixed(value):
             raise self.error(
                 node,
-                "found a signal; expected constants, a region keeps its place; for a moving one use distance(...)",
+                f"found a signal; expected constants, a {what} is the same at all times; "
+                + ("for a moving one use distance(...)" if what == "region" else "write numbers or constants"),
             )
         return tuple(self.graph.constant(c) for c in value.components)
 
@@ -653,7 +668,10 @@ class _Resolver:
             case syntax.ForEach(quantifier, variable, labels, body):
                 self._check_binding(node.span, variable, labels)
                 if variable in scope:
-                    raise self.error(node, f"the variable '{variable}' is already bound around this; choose another")
+                    raise self.error(
+                        node,
+                        f"the variable '{variable}' is already bound around this; expected a new name; choose another",
+                    )
                 bodies = [self.truth(body, {**scope, variable: label}).node for label in labels]
                 return add("minimum" if quantifier == "all" else "maximum", *bodies)
             case _:
@@ -688,7 +706,7 @@ class _Resolver:
         return lower, upper
 
     def _bound(self, node: Node, scope: Mapping[str, str]) -> int:
-        (value,) = self._fixed(node, Quantity((self.scalar(node, scope),)))
+        (value,) = self._fixed(node, Quantity((self.scalar(node, scope),)), "bound")
         if value < 0 or not value.is_integer():
             raise self.error(
                 node,
