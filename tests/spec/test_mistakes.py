@@ -30,8 +30,8 @@ def message(spec, given):
         if "signals" in data:
             ready.robustness(data["signals"], data.get("lengths"))
     except (SpecError, TraceError) as error:
-        assert type(error).__name__ == ("TraceError" if "signals" in data else "SpecError")
-        return str(error)
+        expected = TraceError if "signals" in data else SpecError
+        return str(error) if type(error) is expected else f"a {type(error).__name__}"
     return "no mistake was found"
 
 
