@@ -56,9 +56,9 @@ def test_without_a_trace(capsys):
 def test_a_satisfied_trace(header, trace, capsys):
     assert tltl(SPECS / "reach_avoid.tltl", trace(header)) == 0
     out = capsys.readouterr().out
-    assert "robustness   +0.165" in out
+    assert "robustness   +0.167" in out
     assert "verdict      satisfied" in out
-    assert "by d_o[i] > obstacle_radius[i] in safe" in out
+    assert "by d_o[1] > obstacle_radius[1] in safe, margin +0.167" in out
 
 
 def test_a_violated_trace_is_a_result(trace, capsys):
@@ -66,7 +66,7 @@ def test_a_violated_trace_is_a_result(trace, capsys):
     out = capsys.readouterr().out
     assert "robustness   -0.05\n" in out
     assert "verdict      violated\n" in out
-    assert "explanation  decided at step 59 by d_g < goal_radius in at_goal" in out
+    assert "by d_g < goal_radius in at_goal, margin -0.05 (" in out
     assert "at step 0" in out
 
 

@@ -79,7 +79,7 @@ def check(
     signals = read_trace(trace_path, spec.signals)
     (why,) = spec.explain(signals)
     steps = next(iter(signals.values())).shape[1]
-    print(judged(spec, why, f"{trace_path}, {steps} samples"), file=out)
+    print(judged(why, f"{trace_path}, {steps} samples"), file=out)
     if plot is not None:
         draw(spec, signals, why, plot)
         print(f"picture      {plot}", file=out)
@@ -179,7 +179,7 @@ def described(spec: Spec) -> str:
     return _table(sections)
 
 
-def judged(spec: Spec, why: Explanation, trace: str) -> str:
+def judged(why: Explanation, trace: str) -> str:
     """Robustness, verdict and explanation of one trajectory."""
     verdict, _, decided = str(why).partition(": ")
     values = [f"{value:+12.6g}  {name}" for name, value in why.definitions.items()]
@@ -233,18 +233,11 @@ def draw(spec: Spec, signals: Mapping[str, Array], why: Explanation, path: str |
     for axis in axes:
         axis.axvline(why.step, color="tab:red", linewidth=0.8, linestyle=(0, (1, 2)))
         axis.spines[["top", "right"]].set_visible(False)
+    decided = str(why).partition(": ")[2].partition(" (")[0]
     if why.margin is not None:
-        last.plot(why.step, why.value, "o", color="tab:red", markersize=7, markerfacecolor="white", zorder=5)
-        name = why.name or why.predicate
-        right = why.step > 0.6 * values.shape[1]
-        last.annotate(
-            f"decides: {'not ' if why.negated else ''}{name}\nstep {why.step}, {why.value:+.3g}",
-            (why.step, why.value),
-            xytext=(-10 if right else 10, 12),
-            textcoords="offset points",
-            ha="right" if right else "left",
-            fontsize=8,
-        )
+        # On the predicate's own curve, where its sub-formula has one: a negation turns the value's sign.
+        last.plot(why.step, why.margin, "o", color="tab:red", markersize=7, markerfacecolor="white", zorder=5)
+    last.set_title(decided, fontsize=9, loc="left")
     last.set_xlabel("step")
     last.set_ylabel("robustness from here on")
     last.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, frameon=False)

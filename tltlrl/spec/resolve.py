@@ -2,6 +2,7 @@
 told."""
 
 import math
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
@@ -291,13 +292,13 @@ class _Resolver:
         self.within = None
         root = self.truth(self.document.formula, {}).node
         order = [
-            (title, result.node, d)
+            (title, label, result.node, d)
             for name, d in definitions.items()
             for label in d.labels or (None,)
             if isinstance(result := self.results[name, label], Truth)
             for title in [_title(name, label)]
         ]
-        titles: list[str | None] = [title for title, _, _ in order] + [None]
+        titles: list[str | None] = [title for title, *_ in order] + [None]
         return Meaning(
             self.document,
             self.graph,
@@ -306,7 +307,7 @@ class _Resolver:
             self.signals,
             self.signal_spans,
             self.constants,
-            {title: (node, str(d.body)) for title, node, d in order},
+            {title: (node, _with_labels(d.body, {d.variable: label})) for title, label, node, d in order},
             self.predicates,
             self.places,
             tuple(dict.fromkeys(r for title in titles for r in self.regions if r.name == title)),
@@ -572,7 +573,7 @@ class _Resolver:
             if size <= 0:
                 raise self.error(radius_node, f"the radius is {size:g}; expected a positive number; correct it")
             far = self._distance(node, scope, (point, centre_node))
-            number = self._predicate(node, self.fold(node, "subtract", radius.components[0], far))
+            number = self._predicate(node, self.fold(node, "subtract", radius.components[0], far), scope)
             if values[0].dimension is not None:
                 self._remember(point, "ball", centre=centre, radius=size)
             return number
@@ -592,7 +593,7 @@ class _Resolver:
         ]
         if x.dimension is not None:
             self._remember(point, "box", lower=lower, upper=upper)
-        return self._predicate(node, self.fold(node, "minimum", *faces))
+        return self._predicate(node, self.fold(node, "minimum", *faces), scope)
 
     def _remember(self, point: Node, kind: str, **shape: Any) -> None:
         signal = point.name if isinstance(point, syntax.Name) and point.name in self.signals else None
@@ -606,10 +607,10 @@ class _Resolver:
             raise self.error(node, f"found {_shape(result)}; expected a formula; compare it, as in {node} < 1")
         return result
 
-    def _predicate(self, node: Node, number: int) -> int:
+    def _predicate(self, node: Node, number: int, scope: Mapping[str, str]) -> int:
         if self.graph.ops[number].name == "constant":
             raise self.error(node, f"'{node}' holds no signal, its value never changes; expected a signal; correct it")
-        self.predicates.setdefault(number, Predicate(str(node), node.span))
+        self.predicates.setdefault(number, Predicate(_with_labels(node, scope), node.span))
         return number
 
     def _comparison(self, node: syntax.Comparison, scope: Mapping[str, str]) -> int:
@@ -622,7 +623,7 @@ class _Resolver:
                 (operator,),
                 span=node.operands[i].span.to(node.operands[i + 1].span),
             )
-            links.append(self._predicate(link, self.fold(link, "subtract", values[large], values[small])))
+            links.append(self._predicate(link, self.fold(link, "subtract", values[large], values[small]), scope))
             for near, far in ((small, large), (large, small)):
                 if values[near] in self.distances and self.graph.ops[values[far]].name == "constant":
                     point, centre = self.distances[values[near]]
@@ -713,6 +714,12 @@ class _Resolver:
                 f"the bound is {value:g}; expected a whole number of steps from 0 on; time is counted in samples",
             )
         return int(value)
+
+
+def _with_labels(node: Node, scope: Mapping[str | None, str | None] | Mapping[str, str]) -> str:
+    """The text of a tree with the variables of families and quantifiers replaced by their labels."""
+    labels: Mapping[Any, Any] = scope
+    return re.sub(r"\[(\w+)\]", lambda m: f"[{labels.get(m[1], m[1])}]", str(node))
 
 
 def _title(name: str, label: str | None) -> str:
