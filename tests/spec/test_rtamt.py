@@ -46,8 +46,8 @@ def ours(text):
     return parse_spec("signal x\nsignal y\nsignal z\nspec: " + text)
 
 
-@settings(deadline=None, max_examples=40)
-@given(texts, st.integers(2, 12), st.integers(0, 1000))
+@settings(deadline=None, max_examples=100)
+@given(texts, st.integers(8, 16), st.integers(0, 1000))
 def test_agreement(text, steps, seed):
     generator = np.random.default_rng(seed)
     signals = {name: generator.integers(-12, 13, steps) / 4 for name in "xyz"}

@@ -73,7 +73,7 @@ def test_explanations_name_what_decides(f, batch):
 G, F, N, U, R, W, T = s.Always, s.Eventually, s.Not, s.Until, s.Release, s.WeakUntil, s.Then
 
 
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=60)
 @given(formulas(2), formulas(2), batches(max_steps=6), st.integers(0, 3), st.integers(0, 3))
 def test_dualities(p, q, batch, a, b):
     signals, lengths = batch
@@ -96,7 +96,7 @@ def test_dualities(p, q, batch, a, b):
             assert np.array_equal(values, declared(right).robustness_over_time(signals, lengths), equal_nan=True)
 
 
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=100)
 @given(comparisons, comparisons, comparisons, batches())
 def test_then_of_state_formulas(a, b, c, batch):
     """What DESIGN says follows from the definition."""
