@@ -30,7 +30,8 @@ UFUNCS: dict[str, np.ufunc] = {
     "minimum": np.minimum,
     "maximum": np.maximum,
 }
-POINTWISE = {*UFUNCS, "norm", "squares", "signal", "constant"}
+ARITHMETIC = {*UFUNCS, "norm", "squares"}
+POINTWISE = {*ARITHMETIC, "signal", "constant"}
 # Not defined, or not finite, for some finite arguments: computed at every sample, so that a mistake is
 # never missed.
 PARTIAL = {"divide", "power", "sqrt", "exp"}
