@@ -203,6 +203,8 @@ def _demands(graph: Graph, node: int, steps: Steps, end: int) -> list[tuple[int,
             return [(op.args[0], (a, end))] if last is None else [(last, (end - 1, end))]
         case (("always" | "eventually"), ((int(low), int(high)),)):
             return [(op.args[0], (a + low, min(b + high, end)))]
+        case "second", _:
+            return [(op.args[0], (a, end))]
         case "until", (None, False):
             return [(op.args[0], (a, end - 1)), (op.args[1], (a, end))]
         case "then", (None, False):
@@ -232,6 +234,8 @@ def _operation(
         return partial(UFUNCS[op.name], *args, out=out)
     if op.name in ARITHMETIC:
         return partial(apply, op, args, out, scratch)
+    if op.name == "second":
+        return lambda: np.copyto(out, scans.second_smallest(args[0]))
     if not args:
         return partial(out.fill, _EMPTY[op.name, op.data[-1] is True])
     return partial(_temporal(graph, op, b - a, end), args, out)
