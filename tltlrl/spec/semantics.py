@@ -1,13 +1,13 @@
 """Robustness of a graph on batches of trajectories of one length.
 
-Arrays are (trajectories, steps). Each node is
-computed only at the steps that the wanted values depend on: a root F or G is one reduction, `F G p` is p at
-the last sample, a bounded formula looks at its horizon. What is wanted where depends on the length alone,
-so a plan is made once per length and reused.
+Arrays are (trajectories, steps). Each node is computed only at the steps that the wanted values depend on: a root
+F or G is one reduction, `F G p` is p at the last sample, a bounded formula looks at its horizon. What is wanted where
+depends on the length alone, so there is one plan for each length; and a program, whose operations are bound to their
+arrays, for each number of trajectories: running one costs little more than its NumPy calls.
 
-Time is linear in trajectories, steps and nodes; windows of any width cost the same. Only a left operand of
-U or T that holds temporal operators is evaluated once for each possible end of its slice, which costs
-steps^2 (and once more that factor for such an operand inside such an operand).
+Time is linear in trajectories, steps and nodes; it does not grow with the width of a window beyond a constant factor.
+Only a left operand of U or T that holds temporal operators is evaluated once for each possible end of its slice,
+which costs steps^2 (and once more that factor for such an operand inside such an operand).
 """
 
 from collections.abc import Callable, Iterable, Mapping
