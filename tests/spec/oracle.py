@@ -66,26 +66,18 @@ def robustness(f, trace, t, e):
             return max((rho(p, k, e) for k in window(interval)), default=-inf)
         case s.Until(p, q, interval):
             return max(
-                (
-                    min(rho(q, k, e), min((rho(p, j, k) for j in range(t, k)), default=inf))
-                    for k in window(interval)
-                ),
+                (min(rho(q, k, e), min((rho(p, j, k) for j in range(t, k)), default=inf)) for k in window(interval)),
                 default=-inf,
             )
         case s.Release(p, q, interval):
             return min(
-                (
-                    max(rho(q, k, e), max((rho(p, j, k) for j in range(t, k)), default=-inf))
-                    for k in window(interval)
-                ),
+                (max(rho(q, k, e), max((rho(p, j, k) for j in range(t, k)), default=-inf)) for k in window(interval)),
                 default=inf,
             )
         case s.WeakUntil(p, q):
             return max(rho(s.Until(p, q), t, e), min(rho(p, j, e) for j in range(t, e)))
         case s.Then(p, q):
-            return max(
-                min(rho(q, k, e), max((rho(p, j, k) for j in range(t, k)), default=-inf)) for k in range(t, e)
-            )
+            return max(min(rho(q, k, e), max((rho(p, j, k) for j in range(t, k)), default=-inf)) for k in range(t, e))
         case s.ForEach("all", _, labels, p):
             return min(rho(p, t, e) for _ in labels)
         case s.ForEach("any", _, labels, p):

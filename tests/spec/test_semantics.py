@@ -93,9 +93,7 @@ def test_dualities(p, q, batch, a, b):
     ]:
         if not any(isinstance(node, s.ForEach) for f in (p, q) for node, _ in s.walk(f)):
             values = declared(left).robustness_over_time(signals, lengths)
-            assert np.array_equal(
-                values, declared(right).robustness_over_time(signals, lengths), equal_nan=True
-            )
+            assert np.array_equal(values, declared(right).robustness_over_time(signals, lengths), equal_nan=True)
 
 
 @settings(deadline=None, max_examples=200)
