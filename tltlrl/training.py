@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import csv
 import time
+import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -278,7 +279,7 @@ def resume(folder: Path, start: Policy) -> tuple[int, Policy]:
         done = int(saved["iteration"])
         if min(len(rows), len(timing)) > done and saved["mean"].shape == start.mean.shape:
             iteration, policy = done, Policy(start.gain, saved["mean"], saved["covariance"], start.correlation)
-    except (OSError, ValueError, KeyError, EOFError):
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         pass
     if iteration:
         write_text(folder / PROGRESS, "".join(rows[: iteration + 1]))
