@@ -74,7 +74,7 @@ RELEASE_ROTATION = np.diag([-1.0, 1.0, -1.0])  # gripper straight down, its fing
 
 # Evaluation scene.
 SOLID_TIMESTEP = 0.001  # s; contacts of a 35 g slice between stiff fingers need a finer step than the free arm
-BREAD_HALF_THICKNESS = 0.009  # m
+BREAD_HALF_THICKNESS = 0.010  # m
 FINGER_GAP = 0.008  # m, from the middle to each pad of the closed gripper
 BREAD_REACH = 0.09  # m, from the end-effector down to the foot of the slice it holds
 SLOT_DEPTH = 0.105  # m, from the toaster's top to the floor of the slot
@@ -326,9 +326,16 @@ def roll_pitch_yaw(rotation: Array) -> Array:
 
 def rotation_from_release(rpy: Array) -> Array:
     """Rotation vector of R*^T R with R* the release orientation: angles (..., 3) => (..., 3), rad."""
-    rotation = Rotation.from_euler("xyz", rpy.reshape(-1, 3))
-    release = Rotation.from_matrix(RELEASE_ROTATION)
-    return np.asarray((release.inv() * rotation).as_rotvec().reshape(rpy.shape))
+    roll, pitch, yaw = np.moveaxis(rpy / 2, -1, 0)
+    cr, cp, cy, sr, sp, sy = np.cos(roll), np.cos(pitch), np.cos(yaw), np.sin(roll), np.sin(pitch), np.sin(yaw)
+    # The quaternion of Rz Ry Rx; R* is half a turn about y, and R*^T takes (w, x, y, z) to (y, -z, -w, x).
+    w, x = cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy
+    y, z = cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy
+    scalar, vector = y, np.stack([-z, -w, x], axis=-1)
+    half_sine = np.linalg.norm(vector, axis=-1)
+    angle = 2 * np.arctan2(half_sine, np.abs(scalar))  # a quaternion and its negative are one rotation
+    signed = np.copysign(angle, scalar) / np.maximum(half_sine, np.finfo(float).tiny)
+    return np.asarray(signed[..., None] * vector)
 
 
 def gripper_position(left: Array, right: Array) -> Array:
