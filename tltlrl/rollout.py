@@ -65,7 +65,7 @@ class Simulator:
         n, steps, d = offsets.shape
         nq, nv = self._model.nq, self._model.nv
         features = np.empty((steps, n, len(task.observation)))
-        commands = np.ascontiguousarray(offsets.transpose(1, 0, 2))
+        commands = offsets.transpose(1, 0, 2).copy()  # the caller keeps its own
         noise = np.ascontiguousarray(command_noise.transpose(1, 0, 2))
         state = np.tile(self._start, (n, 1))
         control = np.empty((n, substeps, d))
