@@ -38,6 +38,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import reduce
 from importlib.resources import files
+from typing import Any
 
 import numpy as np
 from dm_control import mujoco
@@ -73,7 +74,9 @@ TABLE_HEIGHT = -0.20  # m, z of the table's top
 RELEASE_ROTATION = np.diag([-1.0, 1.0, -1.0])  # gripper straight down, its fingers closing along y
 
 # Evaluation scene.
-SOLID_TIMESTEP = 0.001  # s; contacts of a 35 g slice between stiff fingers need a finer step than the free arm
+SOLID_TIMESTEP = (
+    0.001  # s; contacts of a 35 g slice between stiff fingers need a finer step than the free arm
+)
 BREAD_HALF_THICKNESS = 0.010  # m
 FINGER_GAP = 0.008  # m, from the middle to each pad of the closed gripper
 BREAD_REACH = 0.09  # m, from the end-effector down to the foot of the slice it holds
@@ -88,7 +91,9 @@ class ToastConfig:
     """The episode, and the rough hand-made motion that learning starts from.
 
     The reference motion is a polyline in joint space through `waypoints` at `waypoint_steps`, the last of them held,
-    with the gripper opening at `opening_step`. Waypoints are s0, s1, e0, e1, w0, w1, w2 in rad.
+    with the gripper opening at `opening_step`. Waypoints are s0, s1, e0, e1, w0, w1, w2 in rad. The default starts
+    beside the toaster at (0.60, -0.62, -0.10), passes 15 cm above the centre of the slot and comes down slowly. It
+    violates the spec: the gripper opens 0.4 s too early, above the slot.
 
     Attributes:
       steps: samples of one episode; 100 at 20 Hz are 5 s.
@@ -104,11 +109,12 @@ class ToastConfig:
     waypoints: list[list[float]] = field(
         default_factory=lambda: [
             [0.6596, -0.3849, -0.7403, 1.4209, 0.9226, 0.9014, -1.1426],
+            [1.2677, -0.8194, -1.0383, 1.4059, 0.6475, 1.3470, -0.5761],
             [1.2024, -0.6364, -0.8936, 1.5043, 0.7856, 1.0891, -0.6536],
         ]
     )
-    waypoint_steps: list[int] = field(default_factory=lambda: [0, 40])
-    opening_step: int = 30
+    waypoint_steps: list[int] = field(default_factory=lambda: [0, 40, 60])
+    opening_step: int = 52
     command_noise: float = 0.005
     solid: bool = False
 
@@ -241,7 +247,8 @@ class Toast(Task):
         config = self.config
         samples = np.arange(self.steps)
         angles = np.stack(
-            [np.interp(samples, config.waypoint_steps, path) for path in np.transpose(config.waypoints)], axis=-1
+            [np.interp(samples, config.waypoint_steps, path) for path in np.transpose(config.waypoints)],
+            axis=-1,
         )
         speeds = np.diff(angles, axis=0, append=angles[-1:]) / CONTROL_TIMESTEP
         gripper = np.where(samples >= config.opening_step, GRIPPER_RANGE, 0.0)
@@ -277,16 +284,20 @@ class Toast(Task):
         return float(self.rewards["comparison"](signals)[0, -1])
 
 
-def comparison_reward(coefficients: ToastReward, slot: Array, toaster: Array) -> StepReward:
-    """Eq. 3.9: near the slot, far from the toaster, closed until the slot was reached and open from then on.
+def toast_rewards(coefficients: ToastReward, constants: Mapping[str, Any]) -> dict[str, StepReward]:
+    """Eq. 3.9 as `comparison`: near the slot, far from the toaster, closed until the slot was reached, then open.
+
+    The reward maps the signals `ee` (..., T, 3) and `gripper` (..., T) to (..., T). The centre of "the toaster regions"
+    from which it measures the distance is that of the toaster.
 
     Args:
       coefficients: of eq. 3.9.
-      slot, toaster: centres (3,) of the spec's two regions, m.
+      constants: the spec's: slot_centre and toaster_centre, (x, y, z) in m.
 
-    Returns:
-      A function of the signals `ee` (..., T, 3) and `gripper` (..., T) => (..., T).
+    Raises:
+      KeyError: if the spec has no such constant.
     """
+    slot, toaster = (np.array(constants[name], dtype=float) for name in ("slot_centre", "toaster_centre"))
 
     def comparison(signals: Mapping[str, Array]) -> Array:
         to_slot = np.linalg.norm(signals["ee"] - slot, axis=-1)
@@ -297,7 +308,7 @@ def comparison_reward(coefficients: ToastReward, slot: Array, toaster: Array) ->
             -coefficients.c1 * to_slot + coefficients.c2 * to_toaster - coefficients.c3 * gripper_error
         )
 
-    return comparison
+    return {"comparison": comparison}
 
 
 def reached_before(distance: Array, radius: float) -> NDArray[np.bool_]:
@@ -327,7 +338,14 @@ def roll_pitch_yaw(rotation: Array) -> Array:
 def rotation_from_release(rpy: Array) -> Array:
     """Rotation vector of R*^T R with R* the release orientation: angles (..., 3) => (..., 3), rad."""
     roll, pitch, yaw = np.moveaxis(rpy / 2, -1, 0)
-    cr, cp, cy, sr, sp, sy = np.cos(roll), np.cos(pitch), np.cos(yaw), np.sin(roll), np.sin(pitch), np.sin(yaw)
+    cr, cp, cy, sr, sp, sy = (
+        np.cos(roll),
+        np.cos(pitch),
+        np.cos(yaw),
+        np.sin(roll),
+        np.sin(pitch),
+        np.sin(yaw),
+    )
     # The quaternion of Rz Ry Rx; R* is half a turn about y, and R*^T takes (w, x, y, z) to (y, -z, -w, x).
     w, x = cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy
     y, z = cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy
@@ -376,7 +394,10 @@ def _link_transforms() -> Array:
     cosine = np.diag([1.0, 1.0, 0.0, 0.0])
     sine = np.array([[0.0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]])
     return np.array(
-        [[(b @ turn @ a).ravel() for turn in (constant, cosine, sine)] for b, a in zip(before, after, strict=True)]
+        [
+            [(b @ turn @ a).ravel() for turn in (constant, cosine, sine)]
+            for b, a in zip(before, after, strict=True)
+        ]
     )
 
 
