@@ -46,7 +46,8 @@ class Policy:
 def correlated_noise(shape: tuple[int, int, int], width: float, rng: np.random.Generator) -> Array:
     """Standard normal noise of shape (N, T, d), smoothed along T by a Gaussian of `width` steps.
 
-    Every entry keeps unit variance; samples tau steps apart correlate as exp(-tau^2 / (4 width^2)).
+    Every entry keeps unit variance; samples tau steps apart correlate as exp(-tau^2 / (4 width^2)),
+    for a width of a step or more (a narrower kernel is sampled too coarsely for the formula).
     """
     if width == 0:
         return rng.standard_normal(shape)

@@ -48,6 +48,11 @@ class Simulator:
         self._start = np.empty(mujoco.mj_stateSize(self._model, mujoco.mjtState.mjSTATE_FULLPHYSICS.value))
         mujoco.mj_getState(self._model, self._data, self._start, mujoco.mjtState.mjSTATE_FULLPHYSICS.value)
 
+    def draw_command_noise(self, count: int, rng: np.random.Generator) -> Array:
+        """What the actuators add to the commands of `count` trajectories, shape (count, T, d)."""
+        scale = self._task.command_noise
+        return np.asarray(scale * rng.standard_normal((count, self._task.steps, len(scale))))
+
     def rollout(self, gain: Array, offsets: Array, command_noise: Array) -> Trajectories:
         """Simulates u_t = K s_t + offset_t from the task's start.
 
@@ -65,7 +70,7 @@ class Simulator:
         n, steps, d = offsets.shape
         nq, nv = self._model.nq, self._model.nv
         features = np.empty((steps, n, len(task.observation)))
-        commands = offsets.transpose(1, 0, 2).copy()  # the caller keeps its own
+        commands = offsets.transpose(1, 0, 2).copy()  # the caller's stay as they are
         noise = np.ascontiguousarray(command_noise.transpose(1, 0, 2))
         state = np.tile(self._start, (n, 1))
         control = np.empty((n, substeps, d))
@@ -96,7 +101,8 @@ class Simulator:
                 sensordata=sensors,
             )
             state[:] = states[:, -1]
-        if not np.isfinite(features).all():
-            t, i, _ = np.argwhere(~np.isfinite(features))[0]
+        finite = np.isfinite(features).all(axis=2) & np.isfinite(commands).all(axis=2)
+        if not finite.all():
+            t, i = np.argwhere(~finite)[0]
             raise FloatingPointError(f"the simulation of {task.name} diverged: trajectory {i}, step {t}")
         return Trajectories(features.transpose(1, 0, 2), commands.transpose(1, 0, 2), lengths)

@@ -17,7 +17,8 @@ from tltlrl.tasks.task import environment
 CONSTANTS = {"slot_centre": (0.70, -0.35, 0.05), "toaster_centre": (0.70, -0.35, -0.105)}
 HALF_PI = np.pi / 2
 
-# Origin (m) and fixed-axis roll, pitch, yaw of each joint's frame in its parent's; range (rad), speed (rad/s), effort (N m).
+# Origin (m) and roll, pitch, yaw (fixed axes) of each joint's frame in its parent's; range (rad), speed (rad/s),
+# effort (N m).
 PUBLISHED = {
     "s0": ((0.055695, 0, 0.011038), (0, 0, 0), (-1.70167993878, 1.70167993878), 1.5, 50),
     "s1": ((0.069, 0, 0.27035), (-HALF_PI, 0, 0), (-2.147, 1.047), 1.5, 50),
@@ -228,9 +229,7 @@ def test_timestep_is_short_enough() -> None:
         for command in commands:
             physics.set_control(command)
             physics.step(round(0.05 / physics.timestep()))
-            path.append(
-                [*physics.end_effector(), 1e-3 * physics.gripper_position()]
-            )  # 1 mm weighs as much as 1 %
+            path.append([*physics.end_effector(), 1e-3 * physics.gripper_position()])  # 1 mm weighs as much as 1 %
         paths.append(path)
     np.testing.assert_allclose(paths[0], paths[1], atol=4e-3)
 
@@ -265,9 +264,10 @@ def test_reached_before_remembers() -> None:
 
 
 def test_comparison_reward_is_equation_3_9() -> None:
-    reward = toast.toast_rewards(toast.ToastReward(c1=2.0, c2=0.5, c3=0.1), CONSTANTS)["comparison"]
+    reward = toast.toast_rewards(toast.ToastReward(c1=2.0, c2=0.5, c3=0.1), CONSTANTS)["continuous"]
     slot, toaster = np.array(CONSTANTS["slot_centre"]), np.array(CONSTANTS["toaster_centre"])
-    ee = np.array([slot + [0, 0, 0.1], slot, slot + [0, 0, 0.1]])
+    above = slot + np.array([0, 0, 0.1])
+    ee = np.array([above, slot, above])
     gripper = np.array([20.0, 20.0, 20.0])
     height = slot[2] - toaster[2]
     expected = [
@@ -276,9 +276,7 @@ def test_comparison_reward_is_equation_3_9() -> None:
         -2 * 0.1 + 0.5 * (height + 0.1) - 0.1 * 80,
     ]
     np.testing.assert_allclose(reward({"ee": ee, "gripper": gripper}), expected)
-    np.testing.assert_allclose(
-        reward({"ee": np.stack([ee, ee]), "gripper": np.stack([gripper] * 2)}), [expected] * 2
-    )
+    np.testing.assert_allclose(reward({"ee": np.stack([ee, ee]), "gripper": np.stack([gripper] * 2)}), [expected] * 2)
 
 
 def test_environment_rewards_with_memory() -> None:
@@ -288,7 +286,7 @@ def test_environment_rewards_with_memory() -> None:
     env.reset()
     single = [env.step(command).reward for command in commands[:-1]]
     batch = Simulator(task).rollout(np.zeros((8, 21)), commands[None], np.zeros((1, 70, 8)))
-    rewards = task.rewards["comparison"](task.signals(batch.features, batch.commands))
+    rewards = task.rewards["continuous"](task.signals(batch.features, batch.commands))
     np.testing.assert_allclose(single, rewards[0, 1:], atol=1e-9)
 
 

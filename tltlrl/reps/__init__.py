@@ -1,10 +1,10 @@
 """Relative entropy policy search: pure functions on arrays, which know no task and no simulator."""
 
 from tltlrl.reps.dual import Weighting, solve_dual
-from tltlrl.reps.update import CovarianceRule, Update, episode_based, fit, reward_to_go, step_based
+from tltlrl.reps.update import COVARIANCE_RULES, Update, episode_based, fit, reward_to_go, step_based
 
 __all__ = [
-    "CovarianceRule",
+    "COVARIANCE_RULES",
     "Update",
     "Weighting",
     "episode_based",

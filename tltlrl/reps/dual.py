@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-LOWEST_TEMPERATURE = 1e-18  # in units of the returns' range: below the spacing of doubles, so greedy
+LOWEST_TEMPERATURE = 1e-300  # in units of the returns' range: two best returns may lie that close
 TOLERANCE = 1e-10  # of the KL, nats
-ITERATIONS = 100  # bisection alone needs about 75 from end to end; Newton's steps about 10
+ITERATIONS = 100  # bisection alone needs about 50 from end to end; Newton's steps about 5
 
 
 @dataclass(frozen=True)
@@ -63,9 +63,7 @@ def solve_dual(returns: Array, epsilon: float) -> Weighting:
     wrong = np.isnan(returns) | (returns == np.inf)
     if wrong.any():
         samples = np.unique(np.nonzero(wrong)[-1]).tolist()
-        raise ValueError(
-            f"the returns of samples {samples} are NaN or +inf: no policy can be learned from them"
-        )
+        raise ValueError(f"the returns of samples {samples} are NaN or +inf: no policy can be learned from them")
     finite = returns > -np.inf
     count = finite.sum(axis=-1, keepdims=True)
     if not count.all():
@@ -94,24 +92,23 @@ def solve_dual(returns: Array, epsilon: float) -> Weighting:
 def _root(scores: Array, count: Array, epsilon: float, active: NDArray[np.bool_]) -> Array:
     """log eta where KL(p(eta) || uniform) = epsilon, by Newton's method kept inside a shrinking bracket."""
     low = np.full(count.shape, np.log(LOWEST_TEMPERATURE))
-    high = np.full(
-        count.shape, -np.log(epsilon)
-    )  # log(p_i N) <= 1 / eta, so KL <= epsilon at eta = 1 / epsilon
-    x = np.minimum(high, -0.5 * np.log(8 * epsilon))  # KL ~ Var / (2 eta^2) and Var <= 1/4
-    finite_scores = np.where(np.isfinite(scores), scores, 0.0)
-    for _ in range(ITERATIONS):
-        eta = np.exp(x)
-        weights = np.exp(scores / eta)
-        total = weights.sum(axis=-1, keepdims=True)
-        weights /= total
-        mean = np.sum(weights * finite_scores, axis=-1, keepdims=True)
-        variance = np.sum(weights * (finite_scores - mean) ** 2, axis=-1, keepdims=True)
-        excess = mean / eta - np.log(total / count) - epsilon
-        if not (active & (np.abs(excess) > TOLERANCE)).any():
-            break
-        low, high = np.where(excess > 0, x, low), np.where(excess > 0, high, x)
-        with np.errstate(divide="ignore", invalid="ignore"):
+    high = np.full(count.shape, -np.log(epsilon))  # log(p_i N) <= 1 / eta, so KL <= epsilon at eta = 1 / epsilon
+    finite = np.isfinite(scores)
+    finite_scores = np.where(finite, scores, 0.0)
+    spread = np.std(scores, axis=-1, keepdims=True, where=finite)
+    x = np.clip(np.log(np.maximum(spread, LOWEST_TEMPERATURE) / np.sqrt(2 * epsilon)), low, high)  # KL ~ Var / 2 eta^2
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        for _ in range(ITERATIONS):
+            eta = np.exp(x)
+            weights = np.exp(scores / eta)
+            total = weights.sum(axis=-1, keepdims=True)
+            weights /= total
+            mean = (weights * finite_scores).sum(axis=-1, keepdims=True)
+            excess = mean / eta - np.log(total / count) - epsilon
+            if not (active & (np.abs(excess) > TOLERANCE)).any():
+                break
+            variance = (weights * (finite_scores - mean) ** 2).sum(axis=-1, keepdims=True)
+            low, high = np.where(excess > 0, x, low), np.where(excess > 0, high, x)
             newton = x + excess * eta**2 / variance  # dKL / dlog eta = -Var(score) / eta^2
-        inside = (newton > low) & (newton < high)
-        x = np.where(inside, newton, 0.5 * (low + high))
+            x = np.where((newton > low) & (newton < high), newton, 0.5 * (low + high))
     return x

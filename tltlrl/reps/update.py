@@ -5,7 +5,9 @@ Weighted maximum likelihood (case study, section 3.3.3) with the weights of the 
     k_t' = sum_i p_i delta_{i,t}        Sigma_t' = sum_i p_i (delta_{i,t} - k_t') (delta_{i,t} - k_t')^T
 
 Episode-based REPS has one p_i per trajectory, from its return R_i. Step-based REPS (Chebotar et al. 2017, Path
-Integral Guided Policy Search) has one P_{i,t} per trajectory and step, from the reward-to-go S_{i,t} = sum_{j >= t} r_{i,j}.
+Integral Guided Policy Search) has one P_{i,t} per trajectory and step, from the reward-to-go
+
+    S_{i,t} = sum_{j >= t} r_{i,j}
 
 A bound on the samples' KL does not bound the fitted Gaussian: from 20 samples the published fit shrinks whatever the
 returns say. The damped fit measures the spread about the *old* mean, which has the old covariance as its expectation
@@ -15,7 +17,6 @@ when returns carry no signal, keeps its diagonal, and moves only part of the way
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ from numpy.typing import NDArray
 from tltlrl.reps.dual import Weighting, solve_dual
 
 Array = NDArray[np.float64]
-CovarianceRule = Literal["damped", "published"]
+COVARIANCE_RULES = ("damped", "published")
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ def episode_based(
     mean: Array,
     covariance: Array,
     epsilon: float,
-    rule: CovarianceRule,
+    rule: str,
     kept: float,
 ) -> Update:
     """Episode-based REPS.
@@ -75,7 +76,7 @@ def step_based(
     mean: Array,
     covariance: Array,
     epsilon: float,
-    rule: CovarianceRule,
+    rule: str,
     kept: float,
 ) -> Update:
     """Step-based REPS: as `episode_based`, but one dual per time step on the reward-to-go of `rewards` (N, T)."""
@@ -83,9 +84,7 @@ def step_based(
     return Update(*fit(offsets, weighting.weights, mean, covariance, rule, kept), weighting)
 
 
-def fit(
-    offsets: Array, weights: Array, mean: Array, covariance: Array, rule: CovarianceRule, kept: float
-) -> tuple[Array, Array]:
+def fit(offsets: Array, weights: Array, mean: Array, covariance: Array, rule: str, kept: float) -> tuple[Array, Array]:
     """Weighted maximum-likelihood Gaussian of every time step.
 
     Args:
@@ -98,7 +97,12 @@ def fit(
 
     Returns:
       The new mean (T, d) and covariance (T, d, d).
+
+    Raises:
+      ValueError: if there is no such rule.
     """
+    if rule not in COVARIANCE_RULES:
+        raise ValueError(f"no covariance rule is named {rule!r}; there are {', '.join(COVARIANCE_RULES)}")
     by_step = offsets.transpose(1, 0, 2)  # (T, N, d)
     new_mean = (weights[:, None, :] @ by_step)[:, 0]
     if rule == "published":

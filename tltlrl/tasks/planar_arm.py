@@ -21,12 +21,14 @@ import collections
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
+from typing import Any
 
 import numpy as np
 from dm_control import mujoco
 from lxml import etree
+from numpy.typing import NDArray
 
-from tltlrl.tasks.task import Array, Quantity, Signals, StepReward, Task
+from tltlrl.tasks.task import Array, Quantity, Signals, StepReward, Task, required_constants
 
 JOINTS = ("joint_1", "joint_2", "joint_3")
 
@@ -50,6 +52,44 @@ class PlanarArmConfig:
     start_angles: list[float] = field(default_factory=lambda: [0.5, 0.5, 0.5])
     max_speed: float = 2.0
     command_noise: float = 0.02
+
+
+@dataclass(frozen=True)
+class ReachAvoidReward:
+    """Coefficients of eq. 3.2.
+
+    Attributes:
+      goal: discrete reward of a sample at the goal.
+      obstacle: discrete reward of a sample inside an obstacle.
+      c1: price of a metre from the goal.
+      c2: gain of a metre from each obstacle.
+    """
+
+    goal: float = 5.0
+    obstacle: float = -2.0
+    c1: float = 1.0
+    c2: float = 0.1
+
+
+@dataclass(frozen=True)
+class VisitInOrderReward:
+    """Coefficients of eq. 3.5.
+
+    Attributes:
+      goal: discrete reward of entering the goal that is next.
+      wrong_order: discrete reward of entering any other goal, visited before or too early.
+      obstacle: discrete reward of a sample inside an obstacle.
+      c1: price of a metre from the goal that is next.
+      c2: gain of a metre from each of the other goals.
+      c3: gain of a metre from each obstacle.
+    """
+
+    goal: float = 5.0
+    wrong_order: float = -5.0
+    obstacle: float = -2.0
+    c1: float = 1.0
+    c2: float = 0.1
+    c3: float = 0.1
 
 
 class Physics(mujoco.Physics):  # type: ignore[misc]  # dm_control has no types
@@ -131,6 +171,115 @@ class PlanarArm(Task):
             velocities=physics.joint_velocities(),
             end_effector=physics.end_effector(),
         )
+
+
+def reach_avoid_rewards(coefficients: ReachAvoidReward, constants: Mapping[str, Any]) -> dict[str, StepReward]:
+    """The discrete and the continuous reward of eq. 3.2, on the regions of the spec.
+
+    Args:
+      coefficients: of eq. 3.2.
+      constants: the spec's: goal (x, y), goal_radius, obstacle and obstacle_radius (families), m.
+
+    Raises:
+      UserError: if the spec has no such constants.
+    """
+    goal, goal_radius = required_constants(constants, "goal", "goal_radius")
+    obstacles = _obstacles(constants)
+
+    def discrete(signals: Mapping[str, Array]) -> Array:
+        ee = signals["ee"]
+        return np.select(
+            [_distance(ee, goal) <= goal_radius, _inside(ee, obstacles)],
+            [coefficients.goal, coefficients.obstacle],
+            0.0,
+        )
+
+    def continuous(signals: Mapping[str, Array]) -> Array:
+        ee = signals["ee"]
+        return -coefficients.c1 * _distance(ee, goal) + coefficients.c2 * _distances(ee, obstacles)
+
+    return {"discrete": discrete, "continuous": continuous}
+
+
+def visit_in_order_rewards(coefficients: VisitInOrderReward, constants: Mapping[str, Any]) -> dict[str, StepReward]:
+    """The discrete and the continuous reward of eq. 3.5, on the regions of the spec.
+
+    The state vector that the case study adds, which goals were visited, is `goals_visited`. A goal is visited at
+    the sample that enters its disc; staying inside is worth nothing. When all goals were visited none is next, and
+    all are to be avoided.
+
+    Args:
+      coefficients: of eq. 3.5.
+      constants: the spec's: goal (a family, in the order of the visits), goal_radius, obstacle and obstacle_radius
+        (families), m.
+
+    Raises:
+      UserError: if the spec has no such constants.
+    """
+    family, goal_radius = required_constants(constants, "goal", "goal_radius")
+    goals = [np.array(goal) for goal in family.values()]
+    obstacles = _obstacles(constants)
+
+    def discrete(signals: Mapping[str, Array]) -> Array:
+        ee = signals["ee"]
+        inside = np.stack([_distance(ee, goal) <= goal_radius for goal in goals], axis=-1)  # (N, T, goals)
+        entered = inside & ~np.concatenate([np.zeros_like(inside[:, :1]), inside[:, :-1]], axis=1)
+        following = _before(goals_visited(inside))[..., None] == np.arange(len(goals))
+        return np.select(
+            [(entered & following).any(axis=-1), entered.any(axis=-1), _inside(ee, obstacles)],
+            [coefficients.goal, coefficients.wrong_order, coefficients.obstacle],
+            0.0,
+        )
+
+    def continuous(signals: Mapping[str, Array]) -> Array:
+        ee = signals["ee"]
+        distances = np.stack([_distance(ee, goal) for goal in goals], axis=-1)
+        following = _before(goals_visited(distances <= goal_radius))[..., None] == np.arange(len(goals))
+        weights = np.where(following, -coefficients.c1, coefficients.c2)
+        return np.sum(weights * distances, axis=-1) + coefficients.c3 * _distances(ee, obstacles)
+
+    return {"discrete": discrete, "continuous": continuous}
+
+
+def goals_visited(inside: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """How many goals were visited in the right order up to each sample.
+
+    Args:
+      inside: whether the end-effector is in each goal, goals in order, shape (N, T, goals).
+
+    Returns:
+      Shape (N, T).
+    """
+    count = np.zeros(inside.shape[:2], dtype=np.int64)
+    visited = np.ones(inside.shape[:2], dtype=np.bool_)
+    for goal in range(inside.shape[2]):
+        visited = np.logical_or.accumulate(inside[..., goal] & visited, axis=1)
+        count += visited
+    return count
+
+
+def _before(count: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The count one sample earlier, 0 at the first."""
+    return np.concatenate([np.zeros_like(count[:, :1]), count[:, :-1]], axis=1)
+
+
+def _obstacles(constants: Mapping[str, Any]) -> list[tuple[Array, float]]:
+    """Centre and radius of every obstacle."""
+    centres, radii = required_constants(constants, "obstacle", "obstacle_radius")
+    return [(np.array(centres[i]), radii[i]) for i in centres]
+
+
+def _inside(points: Array, obstacles: list[tuple[Array, float]]) -> NDArray[np.bool_]:
+    return np.any([_distance(points, centre) <= radius for centre, radius in obstacles], axis=0)
+
+
+def _distances(points: Array, obstacles: list[tuple[Array, float]]) -> Array:
+    return np.sum([_distance(points, centre) for centre, _ in obstacles], axis=0)
+
+
+def _distance(points: Array, centre: Array) -> Array:
+    """Euclidean distance, (..., 2) => (...)."""
+    return np.asarray(np.sqrt(np.sum((points - centre) ** 2, axis=-1)))
 
 
 def forward_kinematics(angles: Array, link_lengths: Array) -> Array:

@@ -11,11 +11,14 @@ import abc
 import collections
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from dm_control import mujoco
 from dm_control.rl import control
 from numpy.typing import NDArray
+
+from tltlrl.errors import UserError
 
 Array = NDArray[np.float64]
 Signals = dict[str, Array]
@@ -44,12 +47,15 @@ class Task(control.Task, abc.ABC):  # type: ignore[misc]  # dm_control has no ty
         of the simulation (an imperfect actuator), not of the policy.
       command_scale: the size of a full command, shape (d,); exploration is configured as a share of it.
       feedback: the gain matrix K of shape (d, n) for a feedback of 1; the configured feedback multiplies it.
-      rewards: hand-made rewards per step by name; each maps signals of shape (..., T) or (..., T, d) to (..., T).
+      rewards: hand-made rewards per step by name; each maps signals of shape (N, T) or (N, T, d) to (N, T),
+        where the value at t depends on the samples up to t.
+      environment_reward: the one of `rewards` that `dm_env` users get.
     """
 
     name: str
     observation: tuple[Quantity, ...]
     action: tuple[Quantity, ...]
+    environment_reward = "discrete"
 
     def __init__(
         self,
@@ -65,9 +71,8 @@ class Task(control.Task, abc.ABC):  # type: ignore[misc]  # dm_control has no ty
         self.command_scale = command_scale
         self.feedback = feedback
         self.rewards = dict(rewards)
-        self.random = (
-            random if isinstance(random, np.random.RandomState) else np.random.RandomState(random)  # noqa: NPY002
-        )
+        self._episode: list[Array] = []
+        self.random = random if isinstance(random, np.random.RandomState) else np.random.RandomState(random)
 
     @abc.abstractmethod
     def make_physics(self) -> mujoco.Physics:
@@ -105,31 +110,52 @@ class Task(control.Task, abc.ABC):  # type: ignore[misc]  # dm_control has no ty
     def initialize_episode(self, physics: mujoco.Physics) -> None:
         """Puts the robot at its start."""
         physics.data.qpos[:], physics.data.qvel[:] = self.initial_state()
+        physics.forward()
+        self._episode = [self._flat_features(physics)]
 
     def before_step(self, action: Array, physics: mujoco.Physics) -> None:
         """Sends the command, disturbed by the actuators' noise; MuJoCo clips it to the actuators' range."""
         physics.set_control(action + self.command_noise * self.random.standard_normal(len(self.action)))
 
+    def after_step(self, physics: mujoco.Physics) -> None:
+        """Remembers the episode: a reward may depend on what came before."""
+        self._episode.append(self._flat_features(physics))
+
     def get_observation(self, physics: mujoco.Physics) -> collections.OrderedDict[str, Array]:
         """The features by group, as `dm_env` users expect them."""
         return self.observe(physics)
 
-    def get_reward(self, physics: mujoco.Physics) -> float:
-        """The hand-made discrete reward of this one step."""
-        features = self._flat_features(physics)
-        signals = self.signals(features[None, None], np.asarray(physics.control())[None, None])
-        return float(self.rewards["discrete"](signals)[0, 0])
+    def get_reward(self, physics: mujoco.Physics) -> float:  # noqa: ARG002
+        """The hand-made reward of the latest sample; `physics` has nothing that the episode has not."""
+        features = np.array(self._episode)[None]
+        commands = np.zeros((1, features.shape[1], len(self.action)))  # no hand-made reward depends on them
+        return float(self.rewards[self.environment_reward](self.signals(features, commands))[0, -1])
 
     def action_spec(self, physics: mujoco.Physics) -> object:
         """Bounds of the commands, from the model."""
         return mujoco.action_spec(physics)
 
-    def get_termination(self, physics: mujoco.Physics) -> float | None:
+    def get_termination(self, physics: mujoco.Physics) -> float | None:  # noqa: ARG002
         """Discount 0 where the episode ends early."""
-        return 0.0 if self.terminated(self._flat_features(physics)[None])[0] else None
+        return 0.0 if self.terminated(self._episode[-1][None])[0] else None
 
     def _flat_features(self, physics: mujoco.Physics) -> Array:
         return np.concatenate([np.ravel(value) for value in self.observe(physics).values()])
+
+
+def required_constants(constants: Mapping[str, Any], *names: str) -> list[Any]:
+    """Constants of the spec by the names that the hand-made rewards rely on.
+
+    Raises:
+      UserError: naming those that the spec lacks.
+    """
+    missing = [name for name in names if name not in constants]
+    if missing:
+        raise UserError(
+            f"spec: the hand-made rewards need its constants {', '.join(missing)}; it has "
+            f"{', '.join(constants) or 'none'}. Define them, or train on the spec alone: cases=[tltl_episodic]"
+        )
+    return [constants[name] for name in names]
 
 
 def environment(task: Task) -> control.Environment:

@@ -46,7 +46,16 @@ from lxml import etree
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from tltlrl.tasks.task import CONTROL_TIMESTEP, Array, Quantity, Signals, StepReward, Task
+from tltlrl.errors import UserError
+from tltlrl.tasks.task import (
+    CONTROL_TIMESTEP,
+    Array,
+    Quantity,
+    Signals,
+    StepReward,
+    Task,
+    required_constants,
+)
 
 # Kinematics of the right arm: Rethink Robotics' description (baxter_common 1.2.0). Each row is the child frame's
 # origin (m) and fixed-axis roll, pitch, yaw (rad) in its parent's frame; the joint then turns about the child's z axis.
@@ -74,9 +83,7 @@ TABLE_HEIGHT = -0.20  # m, z of the table's top
 RELEASE_ROTATION = np.diag([-1.0, 1.0, -1.0])  # gripper straight down, its fingers closing along y
 
 # Evaluation scene.
-SOLID_TIMESTEP = (
-    0.001  # s; contacts of a 35 g slice between stiff fingers need a finer step than the free arm
-)
+SOLID_TIMESTEP = 0.001  # s; contacts of a 35 g slice between stiff fingers need a finer step than the free arm
 BREAD_HALF_THICKNESS = 0.010  # m
 FINGER_GAP = 0.008  # m, from the middle to each pad of the closed gripper
 BREAD_REACH = 0.09  # m, from the end-effector down to the foot of the slice it holds
@@ -96,6 +103,7 @@ class ToastConfig:
     violates the spec: the gripper opens 0.4 s too early, above the slot.
 
     Attributes:
+      name: the task's name in results.
       steps: samples of one episode; 100 at 20 Hz are 5 s.
       waypoints: the start, above the slot, in the slot.
       waypoint_steps: sample at which each waypoint is passed; the first is 0.
@@ -105,6 +113,7 @@ class ToastConfig:
         Otherwise nothing collides, as in training.
     """
 
+    name: str = "toast"
     steps: int = 100
     waypoints: list[list[float]] = field(
         default_factory=lambda: [
@@ -176,7 +185,7 @@ class Physics(mujoco.Physics):  # type: ignore[misc]  # dm_control has no types
 class Toast(Task):
     """The toast-placing task."""
 
-    name = "toast"
+    environment_reward = "continuous"
     observation = (
         *(Quantity(f"angle_{joint}", "rad") for joint in LINKS),
         *(Quantity(f"velocity_{joint}", "rad/s") for joint in LINKS),
@@ -192,6 +201,7 @@ class Toast(Task):
         rewards: Mapping[str, StepReward],
         random: np.random.RandomState | int | None = None,
     ) -> None:
+        _check_waypoints(config)
         scale = np.append(SPEED_LIMITS, GRIPPER_RANGE)
         super().__init__(
             steps=config.steps,
@@ -201,8 +211,8 @@ class Toast(Task):
             rewards=rewards,
             random=random,
         )
+        self.name = config.name
         self.config = config
-        self._samples: list[Array] = []  # of the dm_env episode so far: eq. 3.9 has a memory
 
     def make_physics(self) -> Physics:
         """Compiles toast.xml: for training without bread and contacts, for evaluation (`solid`) with both."""
@@ -223,9 +233,7 @@ class Toast(Task):
         """The 21 features; the end-effector's pose by the arm's forward kinematics."""
         position, rotation = forward_kinematics(qpos[..., :7])
         gripper = gripper_position(qpos[..., 7:8], qpos[..., 8:9])
-        return np.concatenate(
-            [qpos[..., :7], qvel[..., :7], position, roll_pitch_yaw(rotation), gripper], axis=-1
-        )
+        return np.concatenate([qpos[..., :7], qvel[..., :7], position, roll_pitch_yaw(rotation), gripper], axis=-1)
 
     def signals(self, features: Array, commands: Array) -> Signals:
         """What eq. 3.7 speaks of.
@@ -270,22 +278,11 @@ class Toast(Task):
             gripper=np.array([physics.gripper_position()]),
         )
 
-    def initialize_episode(self, physics: Physics) -> None:
-        """Puts the arm at its start."""
-        super().initialize_episode(physics)
-        qpos, qvel = self.initial_state()
-        self._samples = [self.features(qpos, qvel)]
-
-    def get_reward(self, physics: Physics) -> float:
-        """Eq. 3.9 at this sample, with the memory of the episode so far."""
-        self._samples.append(self._flat_features(physics))
-        features = np.array(self._samples)[None]
-        signals = self.signals(features, np.zeros((1, len(self._samples), 8)))  # eq. 3.9 reads no command
-        return float(self.rewards["comparison"](signals)[0, -1])
-
 
 def toast_rewards(coefficients: ToastReward, constants: Mapping[str, Any]) -> dict[str, StepReward]:
-    """Eq. 3.9 as `comparison`: near the slot, far from the toaster, closed until the slot was reached, then open.
+    """Eq. 3.9, the case study's comparison, as `continuous`.
+
+    Near the slot, far from the toaster, the gripper closed until the slot was reached and open from then on.
 
     The reward maps the signals `ee` (..., T, 3) and `gripper` (..., T) to (..., T). The centre of "the toaster regions"
     from which it measures the distance is that of the toaster.
@@ -295,20 +292,28 @@ def toast_rewards(coefficients: ToastReward, constants: Mapping[str, Any]) -> di
       constants: the spec's: slot_centre and toaster_centre, (x, y, z) in m.
 
     Raises:
-      KeyError: if the spec has no such constant.
+      UserError: if the spec has no such constants.
     """
-    slot, toaster = (np.array(constants[name], dtype=float) for name in ("slot_centre", "toaster_centre"))
+    slot, toaster = (np.array(c) for c in required_constants(constants, "slot_centre", "toaster_centre"))
 
-    def comparison(signals: Mapping[str, Array]) -> Array:
+    def continuous(signals: Mapping[str, Array]) -> Array:
         to_slot = np.linalg.norm(signals["ee"] - slot, axis=-1)
         to_toaster = np.linalg.norm(signals["ee"] - toaster, axis=-1)
         wanted = np.where(reached_before(to_slot, coefficients.reached), GRIPPER_RANGE, 0.0)
         gripper_error = np.abs(wanted - signals["gripper"])
-        return np.asarray(
-            -coefficients.c1 * to_slot + coefficients.c2 * to_toaster - coefficients.c3 * gripper_error
-        )
+        return np.asarray(-coefficients.c1 * to_slot + coefficients.c2 * to_toaster - coefficients.c3 * gripper_error)
 
-    return {"comparison": comparison}
+    return {"continuous": continuous}
+
+
+def _check_waypoints(config: ToastConfig) -> None:
+    if any(len(waypoint) != len(JOINTS) for waypoint in config.waypoints):
+        raise UserError(f"task.waypoints: each needs the {len(JOINTS)} joint angles {', '.join(LINKS)}")
+    steps = config.waypoint_steps
+    if len(steps) != len(config.waypoints) or not steps or steps[0] != 0 or np.any(np.diff(steps) <= 0):
+        raise UserError(
+            f"task.waypoint_steps: {steps} must be {len(config.waypoints)} rising steps, one per waypoint, from 0"
+        )
 
 
 def reached_before(distance: Array, radius: float) -> NDArray[np.bool_]:
@@ -394,10 +399,7 @@ def _link_transforms() -> Array:
     cosine = np.diag([1.0, 1.0, 0.0, 0.0])
     sine = np.array([[0.0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]])
     return np.array(
-        [
-            [(b @ turn @ a).ravel() for turn in (constant, cosine, sine)]
-            for b, a in zip(before, after, strict=True)
-        ]
+        [[(b @ turn @ a).ravel() for turn in (constant, cosine, sine)] for b, a in zip(before, after, strict=True)]
     )
 
 

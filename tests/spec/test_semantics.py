@@ -1,0 +1,167 @@
+"""The evaluator against the definition, and the laws that follow from the definition."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from oracle import robustness
+from strategies import batches, comparisons, formulas
+
+from tltlrl.spec import parse_spec
+from tltlrl.spec import syntax as s
+
+DECLARED = "signal x\nsignal y\nsignal z\nsignal w\nspec: "
+
+
+def declared(f):
+    return parse_spec(DECLARED + str(f))
+
+
+def cut(signals, row, length):
+    return {name: values[row : row + 1, :length] for name, values in signals.items()}
+
+
+@settings(deadline=None, max_examples=300)
+@given(formulas(), batches())
+def test_every_value_is_that_of_the_definition(f, batch):
+    signals, lengths = batch
+    spec = declared(f)
+    values = spec.robustness(signals, lengths)
+    over_time = spec.robustness_over_time(signals, lengths)
+    for row, length in enumerate(lengths):
+        trace = {name: array[row].tolist() for name, array in signals.items()}
+        expected = [robustness(f, trace, t, length) for t in range(length)]
+        assert values[row] == expected[0]
+        assert over_time[row, :length].tolist() == expected
+        assert np.isnan(over_time[row, length:]).all()
+
+
+@settings(deadline=None, max_examples=300)
+@given(formulas(), batches(max_count=4, max_steps=30))
+def test_a_row_of_a_ragged_batch_is_the_trajectory_alone(f, batch):
+    signals, lengths = batch
+    spec = declared(f)
+    together = spec.robustness(signals, lengths)
+    over_time = spec.robustness_over_time(signals, lengths)
+    assert together.tolist() == over_time[:, 0].tolist()
+    for row, length in enumerate(lengths):
+        alone = cut(signals, row, length)
+        assert spec.robustness(alone)[0] == together[row]
+        assert spec.robustness_over_time(alone)[0].tolist() == over_time[row, :length].tolist()
+
+
+@settings(deadline=None, max_examples=300)
+@given(formulas(), batches())
+def test_explanations_name_what_decides(f, batch):
+    signals, lengths = batch
+    spec = declared(f)
+    for row, (value, why) in enumerate(
+        zip(spec.robustness(signals, lengths), spec.explain(signals, lengths), strict=True)
+    ):
+        assert why.value == value
+        assert 0 <= why.step < lengths[row]
+        if why.predicate is None:
+            assert np.isinf(value)
+            continue
+        assert value == (-why.margin if why.negated else why.margin)
+        predicate = parse_spec(DECLARED + why.predicate)
+        assert predicate.robustness_over_time(signals, lengths)[row, why.step] == why.margin
+        line = spec.text.split("\n")[why.line - 1]
+        assert line[why.column - 1 :].replace("(", "").startswith(why.predicate.split()[0].replace("(", ""))
+
+
+G, F, N, U, R, W, T = s.Always, s.Eventually, s.Not, s.Until, s.Release, s.WeakUntil, s.Then
+
+
+@settings(deadline=None, max_examples=200)
+@given(formulas(2), formulas(2), batches(max_steps=6), st.integers(0, 3), st.integers(0, 3))
+def test_dualities(p, q, batch, a, b):
+    signals, lengths = batch
+    w = s.Interval(s.Number(float(a)), s.Number(float(a + b)))
+    for left, right in [
+        (N(N(p)), p),
+        (N(G(p)), F(N(p))),
+        (N(G(p, w)), F(N(p), w)),
+        (N(s.Next(p)), s.Next(N(p), True)),
+        (N(U(p, q)), R(N(p), N(q))),
+        (N(U(p, q, w)), R(N(p), N(q), w)),
+        (N(s.And((p, q))), s.Or((N(p), N(q)))),
+        (s.Implies(p, q), s.Or((N(p), q))),
+        (W(p, q), s.Or((U(p, q), G(p)))),
+        (F(G(p)), G(F(p))),
+        (G(p), G(G(p))),
+    ]:
+        if not any(isinstance(node, s.ForEach) for f in (p, q) for node, _ in s.walk(f)):
+            values = declared(left).robustness_over_time(signals, lengths)
+            assert np.array_equal(values, declared(right).robustness_over_time(signals, lengths), equal_nan=True)
+
+
+@settings(deadline=None, max_examples=200)
+@given(comparisons, comparisons, comparisons, batches())
+def test_then_of_state_formulas(a, b, c, batch):
+    """What DESIGN says follows from the definition."""
+    signals, lengths = batch
+
+    def value(f):
+        return declared(f).robustness(signals, lengths).tolist()
+
+    assert value(T(a, b)) == value(F(s.And((a, s.Next(F(b), True)))))
+    assert value(T(a, T(b, c))) == value(T(T(a, b), c))
+    assert value(F(G(a))) == [
+        robustness(a, {k: v[i] for k, v in signals.items()}, n - 1, n) for i, n in enumerate(lengths)
+    ]
+
+
+@pytest.mark.parametrize("steps", [1, 2, 3, 15, 16, 17, 63, 64, 65, 66, 130, 300])
+@pytest.mark.parametrize("count", [1, 3, 40])
+def test_long_trajectories(steps, count):
+    """Sizes at which the evaluator takes its other ways: scans in blocks, windows narrow and wide."""
+    generator = np.random.default_rng(steps)
+    x, y = generator.normal(size=(2, count, steps))
+
+    def value(text):
+        return parse_spec(text).robustness_over_time({"x": x, "y": y})
+
+    def fold(function, array, t, low, high):
+        part = array[:, t + low : t + high + 1]
+        return (
+            getattr(part, function)(axis=1)
+            if part.shape[1]
+            else np.full(count, np.inf if function == "min" else -np.inf)
+        )
+
+    for low, high in [(0, 0), (0, 1), (0, 62), (0, 63), (0, 64), (2, 70), (5, 110), (0, 500), (400, 500)]:
+        expected = [fold("max", x, t, low, high) for t in range(steps)]
+        assert np.array_equal(value(f"F[{low}, {high}] x > 0"), np.array(expected).T)
+        expected = [fold("min", x, t, low, high) for t in range(steps)]
+        assert np.array_equal(value(f"G[{low}, {high}] x > 0"), np.array(expected).T)
+    until, then = np.full((2, count, steps), -np.inf)
+    after = np.full(count, -np.inf)
+    best = np.full(count, -np.inf)
+    both = np.full(count, -np.inf)
+    for t in reversed(range(steps)):
+        best = np.maximum(y[:, t], np.minimum(x[:, t], best))
+        until[:, t] = best
+        both = np.maximum(both, np.minimum(x[:, t], after))
+        then[:, t] = both
+        after = np.maximum(after, y[:, t])
+    assert np.array_equal(value("(x > 0) U (y > 0)"), until)
+    assert np.array_equal(value("(x > 0) T (y > 0)"), then)
+    for text, expected in [("(x > 0) U (y > 0)", until), ("(x > 0) T (y > 0)", then)]:
+        assert np.array_equal(parse_spec(text).robustness({"x": x, "y": y}), expected[:, 0])
+    assert np.array_equal(value("G F x > 0"), np.repeat(x[:, -1:], steps, axis=1))
+
+
+@settings(deadline=None, max_examples=100)
+@given(formulas(6), batches(max_count=1, max_steps=40))
+def test_the_horizon_holds(f, batch):
+    """Samples beyond the horizon change nothing, so long as they exist."""
+    signals, _ = batch
+    signals = {name: np.nan_to_num(values) for name, values in signals.items()}
+    spec = declared(f)
+    steps = signals["x"].shape[1]
+    if spec.horizon is not None and spec.horizon + 1 < steps:
+        other = {name: values.copy() for name, values in signals.items()}
+        for values in other.values():
+            values[:, spec.horizon + 1 :] += 7
+        assert spec.robustness(signals) == spec.robustness(other)

@@ -1,0 +1,255 @@
+"""tltl-run as its users meet it: a whole small experiment, and every mistake told."""
+
+import csv
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tltlrl import cli
+
+SMALL = (
+    "experiment=reach_avoid",
+    "name=small",
+    "seeds=2",
+    "algorithm.iterations=3",
+    "algorithm.samples=8",
+    "algorithm.epsilon=0.5",
+    "task.steps=40",
+    "trials=5",
+)
+CASES = ("tltl_episodic", "discrete_episodic", "continuous_episodic", "discrete_step", "continuous_step")
+
+
+def contents(folder, *patterns):
+    """The bytes of every file that must be the same on every repeat."""
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for pattern in ("**/progress.csv", "**/policy.npz", "**/done.json", "*.csv", *patterns)
+        for path in sorted(folder.glob(pattern))
+    }
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    """The folder of the small experiment, computed in one process."""
+    folder = tmp_path_factory.mktemp("undisturbed")
+    code, _, errors = run(folder, *SMALL, "workers=1")
+    assert code == 0, errors
+    return folder / "runs" / "small"
+
+
+def run(folder, *arguments):
+    done = subprocess.run(
+        [*launcher(), *arguments], cwd=folder, capture_output=True, text=True, timeout=300, check=False
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
+def launcher():
+    return [sys.executable, "-c", "import sys; sys.argv[0] = 'tltl-run'\nif __name__ == '__main__':\n"
+            "    from tltlrl.cli import run_main\n    run_main()"]  # fmt: skip
+
+
+def test_the_folder_of_a_finished_experiment(undisturbed):
+    expected = {"config.yaml", "manifest.json", "learning_curves.csv", "summary.csv", "summary.md", "report.md"}
+    assert expected | {"learning_curves.png", "learning_curves.pdf", "log.txt"} <= {
+        p.name for p in undisturbed.iterdir()
+    }
+    assert (undisturbed / "specs" / "reach_avoid.tltl").exists()
+    for case in CASES:
+        for seed in (0, 1):
+            run_folder = undisturbed / case / f"seed_{seed}"
+            assert {p.name for p in run_folder.iterdir()} == {"progress.csv", "timing.csv", "policy.npz", "done.json"}
+
+
+def test_learning_curves_have_the_promised_columns_and_rows(undisturbed):
+    with open(undisturbed / "learning_curves.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    promised = """task case reward algorithm seed iteration episodes env_steps return_mean robustness_mean
+        robustness_std robustness_min robustness_max robustness_policy satisfied_fraction eta kl effective_sample_size entropy"""
+    assert set(promised.split()) <= set(rows[0])
+    assert [(r["case"], int(r["seed"]), int(r["iteration"])) for r in rows] == [
+        (case, seed, i) for case in CASES for seed in (0, 1) for i in range(3)
+    ]
+    assert [int(r["episodes"]) for r in rows[:3]] == [8, 16, 24]
+    assert [int(r["env_steps"]) for r in rows[:3]] == [8 * 40, 16 * 40, 24 * 40]
+    for row in rows:
+        assert float(row["robustness_min"]) <= float(row["robustness_mean"]) <= float(row["robustness_max"])
+        assert float(row["kl"]) <= 0.5 + 1e-6
+        if row["reward"] == "tltl":
+            assert row["return_mean"] == row["robustness_mean"]
+    # The first iteration has the same noise in every case, so the same trajectories and robustness.
+    first = [r["robustness_mean"] for r in rows if r["iteration"] == "0" and r["seed"] == "0"]
+    assert len(set(first)) == 1
+
+
+def test_summary_has_the_success_rate_of_the_trials(undisturbed):
+    with open(undisturbed / "summary.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 10
+    for row in rows:
+        assert int(row["trials"]) == 5
+        assert float(row["success_rate"]) == int(row["successes"]) / 5
+
+
+def test_manifest_says_what_it_was_made_with(undisturbed):
+    manifest = json.loads((undisturbed / "manifest.json").read_text())
+    assert {"mujoco", "dm-control", "numpy"} <= set(manifest["packages"])
+    assert manifest["command"][0] == "tltl-run"
+    assert re.fullmatch("[0-9a-f]{64}", manifest["specs"]["reach_avoid.tltl"])
+    assert manifest["ended"] >= manifest["started"]
+
+
+def test_two_workers_write_the_same_bytes(undisturbed, tmp_path):
+    code, _, errors = run(tmp_path, *SMALL, "workers=2")
+    assert code == 0, errors
+    assert contents(tmp_path / "runs" / "small") == contents(undisturbed)
+
+
+def test_the_same_command_again_does_nothing_and_says_so(undisturbed):
+    before = contents(undisturbed)
+    code, _, errors = run(undisturbed.parents[1], *SMALL, "workers=1")
+    assert code == 0
+    assert "10 of 10 runs were done before and are kept" in errors
+    assert contents(undisturbed) == before
+
+
+@pytest.mark.parametrize("kill", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize("workers", [1, 2])
+def test_stopped_in_the_middle_the_same_command_ends_with_the_same_bytes(undisturbed, tmp_path, kill, workers):
+    log = tmp_path / "stopped.txt"
+    with open(log, "w") as file:
+        process = subprocess.Popen(
+            [*launcher(), *SMALL, f"workers={workers}"], cwd=tmp_path, stderr=file, start_new_session=True
+        )
+        deadline = time.monotonic() + 60
+        while not list(tmp_path.glob("runs/small/*/*/done.json")) and time.monotonic() < deadline:
+            time.sleep(0.01)
+        stop = time.monotonic()
+        # As a terminal does, Ctrl-C goes to the whole group; kill -9 to the one process.
+        os.killpg(process.pid, kill) if kill == signal.SIGINT else os.kill(process.pid, kill)
+        process.wait(timeout=20)
+    if kill == signal.SIGINT:
+        assert time.monotonic() - stop < 3
+        assert process.returncode == 130, log.read_text()
+        assert log.read_text().endswith("tltl-run: stopped; the same command goes on from what is done\n")
+        assert "Traceback" not in log.read_text()
+    code, _, errors = run(tmp_path, *SMALL, "workers=1")
+    assert code == 0, errors
+    assert contents(tmp_path / "runs" / "small") == contents(undisturbed)
+
+
+def test_more_seeds_extend_a_folder(undisturbed, tmp_path):
+    code, _, _ = run(tmp_path, *SMALL, "seeds=[0]", "workers=1")
+    assert code == 0
+    code, _, errors = run(tmp_path, *SMALL, "workers=1")
+    assert code == 0
+    assert "5 of 10 runs were done before and are kept" in errors
+    assert contents(tmp_path / "runs" / "small") == contents(undisturbed)
+
+
+def test_another_config_in_an_existing_folder_is_refused_with_the_difference(undisturbed):
+    before = contents(undisturbed, "config.yaml")
+    code, _, errors = run(undisturbed.parents[1], *SMALL, "algorithm.epsilon=0.6")
+    assert code == 2
+    assert "algorithm.epsilon: 0.5 there, 0.6 now" in errors
+    assert "overwrite=true" in errors
+    assert contents(undisturbed, "config.yaml") == before
+
+
+def test_overwrite_starts_again(tmp_path):
+    code, _, _ = run(tmp_path, *SMALL, "seeds=[0]", "cases=[tltl_episodic]", "workers=1")
+    assert code == 0
+    code, _, errors = run(tmp_path, *SMALL, "seeds=[1]", "cases=[tltl_episodic]", "workers=1", "overwrite=true")
+    assert code == 0, errors
+    assert [p.name for p in (tmp_path / "runs" / "small" / "tltl_episodic").iterdir()] == ["seed_1"]
+
+
+MISTAKES = {
+    (): "tltl-run: say which experiment: experiment=NAME, one of: reach_avoid",
+    ("experiment=reach_avoyd",): (
+        "tltl-run: experiment=reach_avoyd: there is no such experiment; did you mean reach_avoid?"
+    ),
+    ("experiment=reach_avoid", "algorithm.sampels=3"): (
+        "tltl-run: algorithm.sampels: no such key; did you mean algorithm.samples?"
+    ),
+    ("experiment=reach_avoid", "sedes=3"): "tltl-run: sedes: no such key; did you mean seeds?",
+    ("experiment=reach_avoid", "+sedes=3"): "tltl-run: sedes: no such key; did you mean seeds?",
+    ("experiment=reach_avoid", "+algorithm.sampels=3"): (
+        "tltl-run: algorithm.sampels: no such key; did you mean samples?"
+    ),
+    ("experiment=reach_avoid", "algorithm.samples=many"): (
+        "tltl-run: algorithm.samples: Value 'many' of type 'str' could not be converted to Integer"
+    ),
+    ("experiment=reach_avoid", "algorithm.samples=1"): (
+        "tltl-run: algorithm.samples: 1 is too small; it must be at least 2"
+    ),
+    ("experiment=reach_avoid", "algorithm.epsilon=3.5"): (
+        "tltl-run: algorithm.epsilon: 3.5 must lie between 0 and log(algorithm.samples) = 2.996: the weights of 20 "
+        "samples cannot be further from uniform. Lower it, or draw more samples."
+    ),
+    ("experiment=reach_avoid", "algorithm.epsilon=nan"): (
+        "tltl-run: algorithm.epsilon: nan is not a finite number"
+    ),
+    ("experiment=reach_avoid", "algorithm.covariance=dampd"): (
+        "tltl-run: algorithm.covariance: no rule is named dampd; did you mean damped?"
+    ),
+    ("experiment=reach_avoid", "cases=[tltl_step]"): (
+        "tltl-run: cases: no case is named tltl_step; did you mean tltl_episodic?"
+    ),
+    ("experiment=reach_avoid", "seeds=[1,1]"): (
+        "tltl-run: seeds: [1, 1] must be a number n >= 1 for the seeds 0 .. n-1, or a list of different numbers >= 0"
+    ),
+    ("experiment=reach_avoid", "seeds=four"): "tltl-run: seeds: expected int or list, not 'four'",
+    ("experiment=reach_avoid", "seeds=[1"): (
+        "tltl-run: seeds=[1: not readable as key=value; a list is written [1,2,3], text with special characters in "
+        "quotes: key='\"a b\"'"
+    ),
+    ("experiment=reach_avoid", "workers=0"): "tltl-run: workers: 0 is too small; it must be at least 1",
+    ("experiment=reach_avoid", "task=planar"): "tltl-run: task=planar: there is no such task; there are: reach_avoid",
+    ("experiment=reach_avoid", "name=a/b"): "tltl-run: name: 'a/b' cannot be a folder's name",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("arguments", MISTAKES, ids=" ".join)
+def test_a_mistake_is_one_message_exit_code_2_and_nothing_written(tmp_path, monkeypatch, capsys, arguments):
+    monkeypatch.chdir(tmp_path)
+    code = cli.run(list(arguments))
+    printed = capsys.readouterr()
+    assert (code, printed.out) == (2, "")
+    assert printed.err.strip() == MISTAKES[arguments]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_mistake_through_the_real_command(tmp_path):
+    assert run(tmp_path, "experiment=reach_avoid", "sedes=3") == (
+        2, "", "tltl-run: sedes: no such key; did you mean seeds?\n"
+    )  # fmt: skip
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_help_is_for_people_who_do_not_know_hydra(tmp_path):
+    code, output, _ = run(tmp_path, "--help")
+    assert code == 0
+    for line in ("Examples", "Experiments: reach_avoid", "samples: 20", "Exit codes:"):
+        assert line in output
+    assert max(len(line) for line in output.splitlines()) <= 100
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_experiment_of_ones_own_in_a_config_folder(tmp_path):
+    (tmp_path / "mine" / "experiment").mkdir(parents=True)
+    (tmp_path / "mine" / "experiment" / "short.yaml").write_text(
+        "# @package _global_\ndefaults:\n  - reach_avoid\n  - _self_\nname: short\ncases: [tltl_episodic]\nseeds: [3]\n"
+        "trials: 2\ntask: {steps: 30}\nalgorithm: {iterations: 2, samples: 4}\n"
+    )
+    code, _, errors = run(tmp_path, "--config-dir", str(tmp_path / "mine"), "experiment=short", "workers=1")
+    assert code == 0, errors
+    assert Path(tmp_path / "runs/short/tltl_episodic/seed_3/done.json").exists()

@@ -1,0 +1,171 @@
+"""The commands `tltl-run` and `tltl`: arguments in, results and messages out, nothing computed here."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Callable
+from typing import Any
+
+from tltlrl.errors import UserError, nearest
+from tltlrl.resources import CONFIGS, SPECS
+from tltlrl.spec import SpecError, TraceError
+
+USAGE = """\
+tltl-run: learn a robot task from its temporal-logic spec, and compare rewards over seeds.
+
+  tltl-run experiment=NAME [key=value ...]
+
+Examples
+  tltl-run experiment=reach_avoid
+  tltl-run experiment=reach_avoid name=mine spec=my_task.tltl cases=[tltl_episodic]
+  tltl-run experiment=reach_avoid name=small seeds=[7] algorithm.samples=30 reward.goal=3
+
+Any key of the config below can be set as key=value; a list is written [1,2,3], without spaces.
+Constants of the spec are set with constants.NAME=value. The results go to <runs_dir>/<name>; the same
+command again finishes what is missing there. Ctrl-C keeps what is done.
+
+Experiments: {experiments}
+Specs that come with tltlrl: {specs}
+
+Keys and their values for experiment={shown}:
+
+{config}
+Options
+  --cfg job          print the config with your overrides, and stop
+  --config-dir DIR   look for experiments, tasks, rewards and algorithms of your own in DIR, too
+  --help             this page
+
+Exit codes: 0 done, 1 a run failed, 2 something in the command, config or spec has to be mended, 130 Ctrl-C.
+"""
+
+
+def run_main() -> None:
+    """The command `tltl-run`."""
+    sys.exit(run(sys.argv[1:]))
+
+
+def run(arguments: list[str]) -> int:
+    """`tltl-run ARGUMENTS`; its exit code."""
+    if "--help" in arguments or "-h" in arguments:
+        print(usage(), end="")
+        return 0
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra raises what goes wrong, and it is told below
+    sys.argv = ["tltl-run", *(_addable(argument) for argument in arguments)]
+    return _told("tltl-run", lambda: _hydra_run(arguments))
+
+
+def main() -> None:
+    """The command `tltl`."""
+
+
+def _addable(argument: str) -> str:
+    """Hydra wants ++ before a key that the config does not have yet, as any constant of a spec."""
+    return f"++{argument}" if argument.startswith("constants.") else argument
+
+
+def _hydra_run(arguments: list[str]) -> int:
+    import hydra
+    from hydra.errors import ConfigCompositionException, OverrideParseException
+
+    codes: list[int] = []
+
+    def job(config: Any) -> None:
+        codes.append(_told("tltl-run", lambda: _run(config, arguments)))
+
+    try:
+        hydra.main(version_base="1.3", config_path=str(CONFIGS), config_name="config")(job)()
+    except OverrideParseException as error:
+        raise UserError(
+            f"{error.override}: not readable as key=value; a list is written [1,2,3], text with special characters "
+            f"in quotes: key='\"a b\"'"
+        ) from error
+    except ConfigCompositionException as error:
+        raise UserError(_explain_composition(error, arguments)) from error
+    return max(codes, default=0)
+
+
+def _run(config: Any, arguments: list[str]) -> int:
+    from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
+
+    from tltlrl.config import experiment_from
+
+    try:
+        settings: Any = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
+    except OmegaConfBaseException as error:
+        raise UserError(str(error).splitlines()[0]) from error
+    experiment = experiment_from(settings)
+
+    from tltlrl.experiment import run_experiment  # pandas and matplotlib take a second that a mistake need not wait
+
+    return 0 if run_experiment(experiment, ["tltl-run", *arguments]) else 1
+
+
+def _explain_composition(error: Any, arguments: list[str]) -> str:
+    """What Hydra found wrong, in the words of this command."""
+    options = getattr(error, "options", None)
+    if options is not None and error.missing_cfg_file:
+        group, _, name = error.missing_cfg_file.rpartition("/")
+        return f"{group}={name}: there is no such {group}{nearest(name, options)}"
+    if unknown := re.match(r"Could not (?:override|delete from config|append to config)[^']*'([^']+)'", str(error)):
+        key = unknown[1]
+        return f"{key}: no such key{nearest(key, _valid_keys(arguments))}"
+    if missing := re.match(r"You must specify '(\w+)'", str(error)):
+        return f"say which {missing[1]}: {missing[1]}=NAME, one of: {', '.join(_names(missing[1]))}"
+    return str(error)
+
+
+def _valid_keys(arguments: list[str]) -> list[str]:
+    """Every key of the chosen experiment's config, dotted, and the groups."""
+    groups = [a for a in arguments if a.split("=")[0] in {p.name for p in CONFIGS.iterdir() if p.is_dir()}]
+    try:
+        config = compose(groups)
+    except Exception:
+        return []
+    from tltlrl.experiment import flatten
+
+    return [*flatten(config), *config, "experiment"]
+
+
+def compose(overrides: list[str]) -> dict[str, Any]:
+    """The config of these overrides as plain data."""
+    from hydra import compose as hydra_compose
+    from hydra import initialize_config_dir
+    from omegaconf import OmegaConf
+
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        result: Any = OmegaConf.to_container(hydra_compose("config", overrides), resolve=True)
+    return dict(result)
+
+
+def usage() -> str:
+    """The text of --help."""
+    import yaml
+
+    experiments = _names("experiment")
+    shown = experiments[0]
+    config = yaml.safe_dump(compose([f"experiment={shown}"]), sort_keys=False, default_flow_style=None, width=90)
+    return USAGE.format(
+        experiments=", ".join(experiments),
+        specs=", ".join(path.name for path in sorted(SPECS.glob("*.tltl"))),
+        shown=shown,
+        config="".join(f"  {line}\n" for line in config.splitlines()),
+    )
+
+
+def _names(group: str) -> list[str]:
+    return sorted(path.stem for path in (CONFIGS / group).glob("*.yaml"))
+
+
+def _told(name: str, command: Callable[[], int]) -> int:
+    """Runs a command; what its user has to mend becomes one message and exit code 2."""
+    try:
+        return command()
+    except KeyboardInterrupt:
+        print(f"{name}: stopped; the same command goes on from what is done", file=sys.stderr)
+        return 130
+    except (UserError, SpecError, TraceError) as error:
+        print(f"{name}: {error}", file=sys.stderr)
+        return 2

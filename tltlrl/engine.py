@@ -1,0 +1,102 @@
+"""Where runs are computed: in this process, in a local cluster, or on a running Dask scheduler.
+
+All three call the same `train` on the same folders, so all three write the same bytes. Dask reruns the run of a
+worker that died; the run itself goes on from its checkpoint.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from tltlrl.training import Run, train
+
+TOPIC = "tltlrl-progress"
+REPORT_SECONDS = 0.5
+
+Job = tuple[Run, Path]
+OnProgress = Callable[[int, int], None]  # (index of the job, iterations done)
+OnEnd = Callable[[int, Exception | None], None]  # (index of the job, its error)
+
+
+def run_all(jobs: list[Job], workers: int, address: str | None, on_progress: OnProgress, on_end: OnEnd) -> None:
+    """Computes every job; one that fails is reported through `on_end` and the others go on.
+
+    Args:
+      jobs: runs and their folders.
+      workers: processes of a local cluster; 1 computes in this process. Ignored with an address.
+      address: of a Dask scheduler whose workers see the same files.
+      on_progress, on_end: called in this process.
+
+    Raises:
+      OSError: if the scheduler cannot be reached.
+      KeyboardInterrupt: on Ctrl-C, after the local workers were stopped.
+    """
+    if address is None and workers == 1:
+        for index, (run, folder) in enumerate(jobs):
+            try:
+                train(run, folder, lambda iteration, index=index: on_progress(index, iteration))  # type: ignore[misc]
+            except Exception as error:
+                on_end(index, error)
+            else:
+                on_end(index, None)
+        return
+
+    from distributed import Client, as_completed
+
+    with _cluster(workers, address) as scheduler, Client(scheduler, set_as_default=False) as client:
+        client.subscribe_topic(TOPIC, lambda event: on_progress(*event[1]))
+        futures = {
+            client.submit(_on_worker, index, run, folder, pure=False): index for index, (run, folder) in enumerate(jobs)
+        }
+        for future in as_completed(futures, loop=client.loop):
+            on_end(futures[future], future.exception() if future.status == "error" else None)
+
+
+def _on_worker(index: int, run: Run, folder: Path) -> None:
+    from distributed import get_worker
+
+    worker, last = get_worker(), 0.0
+
+    def report(iteration: int) -> None:
+        nonlocal last
+        if time.monotonic() - last > REPORT_SECONDS:
+            last = time.monotonic()
+            worker.log_event(TOPIC, (index, iteration))
+
+    train(run, folder, report)
+
+
+@contextlib.contextmanager
+def _cluster(workers: int, address: str | None) -> Iterator[str]:
+    """The address of the given scheduler, or of a local cluster whose processes end with this block in any case."""
+    if address is not None:
+        yield address
+        return
+
+    from distributed import LocalCluster
+
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # closing workers log their broken connections
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")  # inherited by the workers: parallelism lies between runs
+    # Ctrl-C reaches the whole process group; the workers inherit that it is not theirs to answer.
+    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        cluster = LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None, processes=True)
+    finally:
+        signal.signal(signal.SIGINT, handler)
+    processes = [worker.pid for worker in cluster.workers.values()]
+    try:
+        yield cluster.scheduler_address
+    except BaseException:
+        for process in processes:
+            with contextlib.suppress(OSError):
+                os.kill(process, signal.SIGKILL)
+        raise
+    finally:
+        cluster.close(timeout=1)

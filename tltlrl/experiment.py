@@ -1,0 +1,199 @@
+"""Many runs: every case with every seed, in one folder, then the tables and figures of what they show."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import shutil
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from tltlrl.config import MACHINERY_DEFAULTS, Experiment, experiment_from
+from tltlrl.engine import run_all
+from tltlrl.errors import UserError
+from tltlrl.files import read_arrays, write_json, write_text
+from tltlrl.manifest import manifest
+from tltlrl.policy import Policy
+from tltlrl.progress import Progress
+from tltlrl.report import write_report
+from tltlrl.training import DONE, POLICY, Run
+
+CONFIG, MANIFEST, SPECS, LOG, LOCK = "config.yaml", "manifest.json", "specs", "log.txt", ".lock"
+GROWING = ("cases", "seeds")  # more of these extend a folder; anything else makes it another experiment
+
+
+def run_experiment(experiment: Experiment, command: list[str]) -> bool:
+    """Computes what is missing of an experiment and writes its tables and figures.
+
+    Args:
+      experiment: what to do.
+      command: the command line, for the manifest.
+
+    Returns:
+      Whether every run succeeded.
+
+    Raises:
+      UserError: if the folder holds another experiment or another process works in it.
+    """
+    folder = Path(experiment.runs_dir) / experiment.name
+    with lock(folder):
+        prepare(folder, experiment)
+        start = manifest(experiment, command)
+        write_json(folder / MANIFEST, start)
+        failures = compute(folder, experiment)
+        write_report(folder, experiment, failures)
+        write_json(folder / MANIFEST, manifest(experiment, command, started=start["started"]))
+    return not failures
+
+
+def run_folder(folder: Path, run: Run) -> Path:
+    """Where a run's files lie."""
+    return folder / run.case.name / f"seed_{run.seed}"
+
+
+def open_run(folder: Path) -> tuple[Run, Policy]:
+    """A finished run read back from its folder, <experiment>/<case>/seed_<k>.
+
+    Raises:
+      UserError: if there is no finished run.
+    """
+    above = folder.resolve().parents[1]
+    try:
+        settings = yaml.safe_load((above / CONFIG).read_text())
+        settings["spec"] = str(next((above / SPECS).iterdir()))
+        saved = read_arrays(folder / POLICY)
+        policy = Policy(saved["gain"], saved["mean"], saved["covariance"], float(saved["correlation"]))
+        (folder / DONE).read_text()
+    except (OSError, ValueError, KeyError, TypeError, StopIteration, yaml.YAMLError) as error:
+        raise UserError(
+            f"{folder} is not the folder of a finished run ({error}); "
+            "give one like runs/reach_avoid/tltl_episodic/seed_0"
+        ) from error
+    experiment = experiment_from(settings | MACHINERY_DEFAULTS)
+    for run in experiment.runs():
+        if run_folder(above, run) == folder.resolve():
+            return run, policy
+    raise UserError(f"{folder}: {above / CONFIG} knows no such case and seed")
+
+
+def compute(folder: Path, experiment: Experiment) -> dict[str, str]:
+    """Runs what is not done; what failed, as case/seed_k => message."""
+    jobs = [(run, run_folder(folder, run)) for run in experiment.runs()]
+    missing = [(run, path) for run, path in jobs if not (path / DONE).exists()]
+    labels = [f"{run.case.name} seed {run.seed}" for run, _ in missing]
+    failures: dict[str, str] = {}
+    with Progress(labels, experiment.algorithm.iterations, folder / LOG) as progress:
+        if len(missing) < len(jobs):
+            progress.say(f"{len(jobs) - len(missing)} of {len(jobs)} runs were done before and are kept")
+        if not missing:
+            return failures
+
+        def on_end(index: int, error: Exception | None) -> None:
+            progress.end(index, error)
+            if error is not None:
+                failures[str(missing[index][1].relative_to(folder))] = f"{type(error).__name__}: {error}"
+
+        workers = min(experiment.workers or len(os.sched_getaffinity(0)), len(missing))
+        progress.say(f"{len(missing)} runs of {experiment.algorithm.iterations} iterations into {folder}")
+        try:
+            run_all(missing, workers, experiment.engine.address, progress.advance, on_end)
+        except KeyboardInterrupt:
+            progress.say(f"stopped; what is done is kept in {folder}")
+            raise
+    return failures
+
+
+def prepare(folder: Path, experiment: Experiment) -> None:
+    """Makes the folder ready: new, emptied with overwrite=true, or the same experiment's.
+
+    Raises:
+      UserError: if it holds something else, with the difference.
+    """
+    config = folder / CONFIG
+    if experiment.overwrite and config.exists():
+        for entry in folder.iterdir():
+            if entry.name != LOCK:
+                shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
+    if config.exists():
+        try:
+            before = yaml.safe_load(config.read_text())
+        except yaml.YAMLError as error:
+            raise UserError(f"{config}: not readable as YAML; set overwrite=true or another name=...") from error
+        _check_same(before if isinstance(before, dict) else {}, experiment.settings, folder)
+        spec_before = (folder / SPECS / spec_name(experiment)).read_text()
+        if spec_before != experiment.spec.text:
+            raise UserError(
+                f"{folder} was made with another text of {spec_name(experiment)} (kept in its folder specs). "
+                f"Set another name=..., or overwrite=true to delete it."
+            )
+    (folder / SPECS).mkdir(parents=True, exist_ok=True)
+    write_text(folder / SPECS / spec_name(experiment), experiment.spec.text)
+    write_text(config, yaml.safe_dump(experiment.settings, sort_keys=False))
+
+
+def spec_name(experiment: Experiment) -> str:
+    """The spec file's own name."""
+    return Path(experiment.spec.path or "spec.tltl").name
+
+
+def _check_same(before: Mapping[str, Any], now: Mapping[str, Any], folder: Path) -> None:
+    old, new = flatten(before), flatten(now)
+    differences = [
+        f"  {key}: {old.get(key, 'absent')} there, {new.get(key, 'absent')} now"
+        for key in sorted(old.keys() | new.keys())
+        if old.get(key) != new.get(key) and key not in GROWING
+    ]
+    for key in GROWING:
+        kept, wanted = _members(before.get(key)), _members(now.get(key))
+        if not kept <= wanted:
+            differences.append(f"  {key}: {before.get(key)} there, {now.get(key)} now (they can only grow)")
+    if differences:
+        lines = "\n".join(differences)
+        raise UserError(
+            f"{folder} holds results of another config:\n{lines}\n"
+            f"Set another name=... (now {now['name']}), or overwrite=true to delete what is there."
+        )
+
+
+def _members(value: Any) -> set[Any]:
+    return set(range(value)) if isinstance(value, int) else set(value or ())
+
+
+def flatten(config: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested keys joined by dots."""
+    flat: dict[str, Any] = {}
+    for key, value in config.items():
+        if isinstance(value, Mapping) and value:
+            flat |= flatten(value, f"{prefix}{key}.")
+        else:
+            flat[f"{prefix}{key}"] = value
+    return flat
+
+
+@contextlib.contextmanager
+def lock(folder: Path) -> Iterator[None]:
+    """Holds the folder for this process.
+
+    Raises:
+      UserError: if another process holds it, or it cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        file = open(folder / LOCK, "a+")  # noqa: SIM115  # closed below, after the experiment
+    except OSError as error:
+        raise UserError(f"{folder} cannot be written ({error.strerror}); set another runs_dir=...") from error
+    with file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            file.seek(0)
+            holder = file.read().strip() or "unknown"
+            raise UserError(f"process {holder} is working in {folder}; wait for it, or set another name=...") from error
+        file.truncate(0)
+        file.write(f"{os.getpid()}\n")
+        file.flush()
+        yield

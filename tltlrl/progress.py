@@ -1,0 +1,78 @@
+"""How far a long job is: a bar on a terminal, plain lines elsewhere, and a log file in the experiment's folder."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+from typing import Any, TextIO
+
+from tqdm import tqdm
+
+LINE_SECONDS = 30.0
+
+
+class Progress:
+    """Counts iterations over all runs and says what is done and what time is left."""
+
+    def __init__(self, labels: list[str], iterations: int, log: Path, stream: TextIO = sys.stderr) -> None:
+        self._labels = labels
+        self._iterations = iterations
+        self._done = [0] * len(labels)
+        self._ended = 0
+        self._failed = 0
+        self._start = self._last_line = time.monotonic()
+        self._begin: int | None = None
+        self._stream = stream
+        self._log = open(log, "a", encoding="utf-8")  # noqa: SIM115  # closed by __exit__
+        self._bar: Any = tqdm(
+            total=len(labels) * iterations, unit="it", file=stream, disable=not stream.isatty(), dynamic_ncols=True
+        )
+
+    def __enter__(self) -> Progress:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.close()
+        self._log.close()
+
+    def say(self, line: str) -> None:
+        """One line on the terminal and, with the time of day, in the log file."""
+        print(time.strftime("%Y-%m-%d %H:%M:%S"), line, file=self._log, flush=True)
+        self._bar.write(line, file=self._stream) if not self._bar.disable else print(
+            line, file=self._stream, flush=True
+        )
+
+    def advance(self, index: int, iteration: int) -> None:
+        """Run `index` has done `iteration` iterations."""
+        if self._begin is None:  # iterations of an earlier session are not counted in the speed
+            self._begin = sum(self._done)
+        self._done[index] = iteration
+        self._bar.n = sum(self._done)
+        self._bar.refresh() if not self._bar.disable and iteration % 5 == 0 else None
+        if self._bar.disable and time.monotonic() - self._last_line > LINE_SECONDS:
+            self._last_line = time.monotonic()
+            self.say(f"{self._state()}; {self._labels[index]} at iteration {iteration}/{self._iterations}")
+
+    def end(self, index: int, error: Exception | None) -> None:
+        """Run `index` has ended."""
+        self._ended += 1
+        if error is None:
+            self._done[index] = self._iterations
+            self.say(f"{self._state()}; {self._labels[index]} finished")
+        else:
+            self._failed += 1
+            self.say(f"{self._state()}; {self._labels[index]} FAILED: {type(error).__name__}: {error}")
+
+    def _state(self) -> str:
+        done = sum(self._done) - (self._begin or 0)
+        remaining = len(self._labels) * self._iterations - sum(self._done)
+        elapsed = time.monotonic() - self._start
+        left = f", {_duration(elapsed / done * remaining)} left" if done and remaining else ""
+        failed = f", {self._failed} failed" if self._failed else ""
+        return f"{self._ended}/{len(self._labels)} done{failed}{left}"
+
+
+def _duration(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"

@@ -1,0 +1,106 @@
+"""The tables of an experiment: learning_curves.csv, summary.csv, summary.md and report.md, and its figure."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import pandas as pd
+from scipy.stats import binomtest
+
+from tltlrl.config import Experiment
+from tltlrl.files import write_text
+from tltlrl.plotting import plot_learning_curves
+from tltlrl.training import DONE, PROGRESS
+
+CURVES, SUMMARY, SUMMARY_PAGE, REPORT = "learning_curves.csv", "summary.csv", "summary.md", "report.md"
+
+
+def write_report(folder: Path, experiment: Experiment, failures: Mapping[str, str]) -> None:
+    """Writes every table and figure from the finished runs' files; what failed is listed."""
+    finished = [
+        folder / case.name / f"seed_{seed}"
+        for case in experiment.cases
+        for seed in experiment.seeds
+        if (folder / case.name / f"seed_{seed}" / DONE).exists()
+    ]
+    if not finished:
+        return
+    tables = [(path / PROGRESS).read_text().split("\n", 1) for path in finished]
+    write_text(folder / CURVES, tables[0][0] + "\n" + "".join(rows for _, rows in tables))
+    curves = pd.read_csv(folder / CURVES)
+    summary = summarise(curves, {path: json.loads((path / DONE).read_text()) for path in finished})
+    write_text(folder / SUMMARY, summary.to_csv(index=False, lineterminator="\n"))
+    write_text(folder / SUMMARY_PAGE, summary_page(experiment, summary, failures))
+    write_text(folder / REPORT, report_page(experiment, summary, failures))
+    plot_learning_curves(curves, folder / "learning_curves", title=f"{experiment.name}: {experiment.spec.formula}")
+
+
+def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, float]]) -> pd.DataFrame:
+    """One row per case and seed: the learned policy's worth, and when it first was worth something.
+
+    Args:
+      curves: learning_curves.csv.
+      outcomes: folder of the run => its done.json, in the order of the rows.
+    """
+    rows = []
+    for path, done in outcomes.items():
+        case, seed = path.parent.name, int(path.name.removeprefix("seed_"))
+        run = curves[(curves["case"] == case) & (curves["seed"] == seed)]
+        satisfied = run.loc[run["robustness_policy"] > 0, "iteration"]
+        rows.append(
+            {
+                "task": run["task"].iloc[0],
+                "case": case,
+                "seed": seed,
+                "robustness_policy": done["robustness_policy"],
+                "satisfied": done["satisfied"],
+                "first_satisfied_iteration": satisfied.iloc[0] if len(satisfied) else None,
+                "robustness_mean_last": run["robustness_mean"].iloc[-1],
+                "robustness_mean_over_run": run["robustness_mean"].mean(),
+                "trials": done["trials"],
+                "successes": done["successes"],
+                "success_rate": done["successes"] / done["trials"],
+            }
+        )
+    return pd.DataFrame(rows).astype({"first_satisfied_iteration": "Int64"})
+
+
+def summary_page(experiment: Experiment, summary: pd.DataFrame, failures: Mapping[str, str]) -> str:
+    """summary.md: one line per case."""
+    lines = [
+        f"# {experiment.name}",
+        "",
+        f"Spec `{experiment.spec.formula}`, {len(experiment.seeds)} seeds, "
+        f"{experiment.algorithm.iterations} iterations of {experiment.algorithm.samples} samples. "
+        "Robustness is that of the spec for every case, whatever it was trained on; above 0 the spec is satisfied.",
+        "",
+        "| case | satisfied | robustness of the mean policy, median (min to max) | first satisfied iteration, median "
+        "| robustness of samples, last iteration | successful trials (95 % Wilson interval) |",
+        "|---|---|---|---|---|---|",
+    ]
+    for case, rows in summary.groupby("case", sort=False):
+        policy, first = rows["robustness_policy"], rows["first_satisfied_iteration"].dropna()
+        interval = binomtest(int(rows["successes"].sum()), int(rows["trials"].sum())).proportion_ci(method="wilson")
+        lines.append(
+            f"| {case} | {rows['satisfied'].sum()} of {len(rows)} "
+            f"| {policy.median():.3f} ({policy.min():.3f} to {policy.max():.3f}) "
+            f"| {f'{first.median():.0f}' if len(first) else 'never'} "
+            f"| {rows['robustness_mean_last'].mean():.3f} "
+            f"| {rows['successes'].sum()} of {rows['trials'].sum()} ({interval.low:.3f} to {interval.high:.3f}) |"
+        )
+    return "\n".join([*lines, *_failure_lines(failures)]) + "\n"
+
+
+def report_page(experiment: Experiment, summary: pd.DataFrame, failures: Mapping[str, str]) -> str:
+    """report.md: the summary with the figure and the settings it was made with."""
+    page = summary_page(experiment, summary, failures)
+    settings = "\n".join(f"- {key}: {value}" for key, value in experiment.settings.items())
+    return f"{page}\n![Learning curves](learning_curves.png)\n\n## Settings\n\n{settings}\n"
+
+
+def _failure_lines(failures: Mapping[str, str]) -> list[str]:
+    if not failures:
+        return []
+    return ["", "## Failed runs", "", *(f"- {run}: {message}" for run, message in failures.items())]

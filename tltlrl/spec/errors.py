@@ -1,0 +1,80 @@
+"""Errors that point: where in which file, what was found, what was expected, what to do."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+# A source line longer than this is shown as a window around the caret.
+SHOWN_WIDTH = 120
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """A stretch of source text; lines and columns count from 1, `end_column` is one past the last
+    character."""
+
+    line: int = 1
+    column: int = 1
+    end_line: int = 1
+    end_column: int = 2
+
+    def to(self, other: "Span") -> "Span":
+        """The span from the start of this one to the end of another."""
+        return Span(self.line, self.column, other.end_line, other.end_column)
+
+
+NOWHERE = Span()
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A spec's text and the name messages call it by (its path, or `<spec>`)."""
+
+    name: str
+    text: str
+
+    def message(self, span: Span, problem: str) -> str:
+        """`name:line:column: problem`, then the source line, then a caret under the span."""
+        lines = self.text.split("\n")
+        line = "".join(c if c.isprintable() else " " for c in lines[span.line - 1])
+        start = span.column - 1
+        stop = span.end_column - 1 if span.end_line == span.line else len(line)
+        first = max(0, start - SHOWN_WIDTH // 2) if len(line) > SHOWN_WIDTH else 0
+        shown = line[first : first + SHOWN_WIDTH]
+        before, after = "..." * (first > 0), "..." * (first + SHOWN_WIDTH < len(line))
+        caret = " " * (len(before) + start - first) + "^" + "~" * (min(stop, first + len(shown)) - start - 1)
+        margin = f"{span.line:>5} | "
+        return (
+            f"{self.name}:{span.line}:{span.column}: {problem}\n"
+            f"{margin}{before}{shown}{after}\n{' ' * (len(margin) - 2)}| {caret}"
+        )
+
+
+class _PointingError(ValueError):
+    """A ValueError whose text is `Source.message`."""
+
+    def __init__(self, source: Source, span: Span, problem: str) -> None:
+        super().__init__(source, span, problem)
+        self.source, self.span, self.problem = source, span, problem
+
+    def __str__(self) -> str:
+        return self.source.message(self.span, self.problem)
+
+
+class SpecError(_PointingError):
+    """A mistake in a spec, or in the constants that override its own; found before anything runs."""
+
+
+class TraceError(_PointingError):
+    """Signals that a spec cannot be evaluated on; points to the place in the spec that needs them."""
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Advice that ends a message about an unknown name: the nearest known name, else all of them."""
+    names = list(known)
+    near = get_close_matches(name, names, n=1, cutoff=0.6)
+    if near:
+        return f"did you mean '{near[0]}'?"
+    if not names:
+        return "there are none"
+    return "known: " + ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")

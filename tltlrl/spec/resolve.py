@@ -1,0 +1,717 @@
+"""Syntax tree to meaning: names, dimensions, constants and families are settled here, and every mistake
+told."""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
+from typing import Any
+
+from tltlrl.spec import syntax
+from tltlrl.spec.errors import Source, Span, SpecError, did_you_mean
+from tltlrl.spec.graph import Graph
+from tltlrl.spec.syntax import Node
+
+Value = float | tuple[float, ...]
+Constants = Mapping[str, Value | Mapping[str, Value]]
+
+# name -> fewest and most arguments
+FUNCTIONS = {
+    "abs": (1, 1),
+    "sqrt": (1, 1),
+    "exp": (1, 1),
+    "sin": (1, 1),
+    "cos": (1, 1),
+    "min": (1, math.inf),
+    "max": (1, math.inf),
+    "norm": (1, 1),
+    "distance": (2, 2),
+    "ball": (3, 3),
+    "box": (3, 3),
+}
+_ONE_SCALAR = {"abs": "absolute", "sqrt": "sqrt", "exp": "exp", "sin": "sin", "cos": "cos"}
+_ARITHMETIC = {"+": "add", "-": "subtract", "*": "multiply", "/": "divide", "**": "power"}
+_UNDEFINED = {
+    "/": "a division by zero",
+    "**": "a power without a finite value",
+    "sqrt": "the root of a negative",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A number (dimension None) or a vector, as one graph node per component."""
+
+    components: tuple[int, ...]
+    dimension: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """A formula, as its graph node."""
+
+    node: int
+
+
+@dataclass(frozen=True, slots=True)
+class Predicate:
+    """An atomic formula: its text and its place."""
+
+    text: str
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class Region:
+    """A ball or box of constant size and place that a formula speaks of, for pictures of the workspace.
+
+    `name` is the named sub-formula that holds it (None in the spec's own line), `signal` the vector signal
+    it is about (None when it is about an expression). A ball has `centre` and `radius`, a box `lower` and
+    `upper`.
+    """
+
+    name: str | None
+    kind: str
+    signal: str | None
+    centre: tuple[float, ...] | None = None
+    radius: float | None = None
+    lower: tuple[float, ...] | None = None
+    upper: tuple[float, ...] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """All that evaluation needs. Numbers are nodes of `graph`; times are steps."""
+
+    document: syntax.Document  # with the effective constants
+    graph: Graph
+    root: int
+    signals: dict[str, int | None]
+    signal_spans: dict[str, Span]
+    constants: dict[str, Value | dict[str, Value]]
+    definitions: dict[str, tuple[int, str]]  # named sub-formulas in order: node, text
+    predicates: dict[int, Predicate]
+    places: dict[int, Predicate]  # arithmetic nodes that can fail: text and place
+    regions: tuple[Region, ...]
+
+
+def resolve(source: Source, document: syntax.Document, overrides: Mapping[str, object] | None) -> Meaning:
+    """Settle every name. Raises SpecError."""
+    return _Resolver(source, document, overrides or {}).meaning()
+
+
+class _Resolver:
+    """One pass over one document; its attributes are the tables that the pass fills."""
+
+    def __init__(self, source: Source, document: syntax.Document, overrides: Mapping[str, object]) -> None:
+        self.source = source
+        self.graph = Graph()
+        self.signals: dict[str, int | None] = {}
+        self.signal_spans: dict[str, Span] = {}
+        self.families: dict[str, tuple[str, ...]] = {}
+        self.results: dict[tuple[str, str | None], Quantity | Truth] = {}
+        self.predicates: dict[int, Predicate] = {}
+        self.places: dict[int, Predicate] = {}
+        self.regions: list[Region] = []
+        self.distances: dict[int, tuple[Node, tuple[float, ...]]] = {}  # of a point from a fixed one
+        self.within: str | None = None  # the named sub-formula being read
+        self.declared: dict[str, syntax.Signal | syntax.Constant | syntax.Definition] = {}
+        self.is_bare = not document.declarations and document.formula.span == document.span
+        self._declare(document)
+        self.constants = self._effective_constants(document, overrides)
+        self.document = self._with_constants(document)
+
+    def error(self, node: Node | Span, problem: str) -> SpecError:
+        return SpecError(self.source, node if isinstance(node, Span) else node.span, problem)
+
+    # Declarations
+
+    def _declare(self, document: syntax.Document) -> None:
+        labels: dict[str, list[str]] = {}
+        for d in document.declarations:
+            first = self.declared.get(d.name)
+            if d.name in FUNCTIONS:
+                raise self.error(d, f"'{d.name}' is a function of the language; choose another name")
+            if first is not None and not (isinstance(d, syntax.Constant) and isinstance(first, syntax.Constant)):
+                raise self.error(d, f"'{d.name}' is declared twice, first on line {first.span.line}; rename one")
+            if isinstance(d, syntax.Constant):
+                if first is not None and (d.label is None or d.name not in labels or d.label in labels[d.name]):
+                    what = d.name if d.label is None else f"{d.name}[{d.label}]"
+                    raise self.error(d, f"'{what}' is declared twice, first on line {first.span.line}; delete one")
+                if d.label is not None:
+                    labels.setdefault(d.name, []).append(d.label)
+                if not all(map(math.isfinite, d.value if isinstance(d.value, tuple) else (d.value,))):
+                    raise self.error(d, f"the value of '{d.name}' is too large for a float; write a finite number")
+            if isinstance(d, syntax.Signal) and d.dimension is not None and d.dimension < 1:
+                raise self.error(d, "a vector's dimension is a whole number from 1 on; write for instance ee[2]")
+            if isinstance(d, syntax.Definition) and d.variable:
+                labels[d.name] = list(d.labels)
+            self.declared.setdefault(d.name, d)
+            if isinstance(d, syntax.Signal):
+                self.signals[d.name] = d.dimension
+                self.signal_spans[d.name] = d.span
+        self.families = {name: tuple(found) for name, found in labels.items()}
+        for d in document.declarations:
+            if isinstance(d, syntax.Definition) and d.variable:
+                self._check_binding(d.span, d.variable, d.labels)
+        if self.is_bare:
+            self._infer_signals(document.formula)
+
+    def _check_binding(self, span: Span, variable: str, labels: tuple[str, ...]) -> None:
+        if len(set(labels)) < len(labels):
+            twice = next(label for label in labels if labels.count(label) > 1)
+            raise self.error(span, f"the label '{twice}' is listed twice; delete one")
+        if variable in self.declared or variable in labels or variable in FUNCTIONS:
+            raise self.error(span, f"the variable '{variable}' is also another name here; choose another variable")
+
+    def _infer_signals(self, formula: Node) -> None:
+        """In a bare formula every free name is a signal: a vector where it meets one, else a scalar."""
+        names: dict[str, Span] = {}
+        for node, _ in syntax.walk(formula):
+            if isinstance(node, syntax.Name):
+                names.setdefault(node.name, node.span)
+        known: dict[str, int] = {}
+        for _ in range(2):
+            for node, _ in syntax.walk(formula):
+                match node:
+                    case syntax.Call("distance" | "ball" | "box", pair) if len(pair) > 1:
+                        # A ball's radius is a scalar; all else in these three calls has one dimension.
+                        terms = pair[:2] if node.function == "ball" else pair
+                    case syntax.Arithmetic("+" | "-", a, b):
+                        terms = (a, b)
+                    case _:
+                        continue
+                dimension = next((d for t in terms if (d := _dimension(t, known)) is not None), None)
+                if dimension is not None:
+                    known |= {t.name: dimension for t in terms if isinstance(t, syntax.Name)}
+        self.signals = {name: known.get(name) for name in names}
+        self.signal_spans = names
+
+    # Constants
+
+    def _effective_constants(
+        self, document: syntax.Document, overrides: Mapping[str, object]
+    ) -> dict[str, Value | dict[str, Value]]:
+        own = [d for d in document.declarations if isinstance(d, syntax.Constant)]
+        names = list(dict.fromkeys(d.name for d in own))
+        for name in overrides:
+            if name not in names:
+                span = own[0].span if own else document.span
+                raise self.error(
+                    span,
+                    f"an override gives the constant '{name}', which this spec lacks; {did_you_mean(name, names)}",
+                )
+        for name, given in overrides.items():
+            d = next(d for d in own if d.name == name)
+            if name in self.families:
+                if not isinstance(given, Mapping):
+                    first = self.families[name][0]
+                    raise self.error(
+                        d,
+                        f"'{name}' is a family of constants, and its override is {given!r}; "
+                        f"expected a mapping, such as {{'{first}': {syntax.value_text(d.value)}}}",
+                    )
+                for label in given:
+                    if str(label) not in self.families[name]:
+                        raise self.error(
+                            d,
+                            f"an override gives '{name}[{label}]', which this spec lacks; "
+                            f"{did_you_mean(str(label), self.families[name])}",
+                        )
+        constants: dict[str, Value | dict[str, Value]] = {}
+        for d in own:
+            given = overrides.get(d.name, d.value)
+            if d.label is None:
+                constants[d.name] = self._value(d, given)
+            else:
+                family = constants.setdefault(d.name, {})
+                assert isinstance(family, dict)
+                by_label = {str(k): v for k, v in given.items()} if isinstance(given, Mapping) else {}
+                family[d.label] = self._value(d, by_label.get(d.label, d.value))
+        return constants
+
+    def _value(self, d: syntax.Constant, given: object) -> Value:
+        """An override as floats, of the same dimension as the value it replaces."""
+        what = d.name if d.label is None else f"{d.name}[{d.label}]"
+        expected = f"a vector of {len(d.value)} numbers" if isinstance(d.value, tuple) else "a number"
+        try:
+            if isinstance(given, str | bytes | bool):
+                raise TypeError
+            value: Value
+            if isinstance(d.value, tuple):
+                value = tuple(float(v) for v in given)  # type: ignore[attr-defined]
+                fits = len(value) == len(d.value) and all(map(math.isfinite, value))
+            else:
+                value = float(given)  # type: ignore[arg-type]
+                fits = math.isfinite(value)
+        except (TypeError, ValueError, OverflowError):
+            fits = False
+        if not fits:
+            raise self.error(
+                d,
+                f"the override of '{what}' is {given!r}; expected {expected}, all finite, as the spec's own value",
+            )
+        return value
+
+    def _with_constants(self, document: syntax.Document) -> syntax.Document:
+        def effective(
+            d: syntax.Signal | syntax.Constant | syntax.Definition,
+        ) -> syntax.Signal | syntax.Constant | syntax.Definition:
+            if not isinstance(d, syntax.Constant):
+                return d
+            value = self.constants[d.name]
+            if isinstance(value, dict):
+                assert d.label is not None
+                value = value[d.label]
+            return syntax.Constant(d.name, d.label, value, span=d.span)
+
+        return syntax.Document(tuple(map(effective, document.declarations)), document.formula, span=document.span)
+
+    # The pass
+
+    def meaning(self) -> Meaning:
+        definitions = {d.name: d for d in self.document.declarations if isinstance(d, syntax.Definition)}
+        for name in self.signals:
+            self.results[name, None] = self._signal(name)
+        for name, constant in self.constants.items():
+            for label, value in constant.items() if isinstance(constant, dict) else [(None, constant)]:
+                self.results[name, label] = self._number(value)
+        for name in self._order(definitions):
+            d = definitions[name]
+            for label in d.labels or (None,):
+                self._define(d, label)
+        self.within = None
+        root = self.truth(self.document.formula, {}).node
+        order = [
+            (title, result.node, d)
+            for name, d in definitions.items()
+            for label in d.labels or (None,)
+            if isinstance(result := self.results[name, label], Truth)
+            for title in [_title(name, label)]
+        ]
+        titles: list[str | None] = [title for title, _, _ in order] + [None]
+        return Meaning(
+            self.document,
+            self.graph,
+            root,
+            self.signals,
+            self.signal_spans,
+            self.constants,
+            {title: (node, str(d.body)) for title, node, d in order},
+            self.predicates,
+            self.places,
+            tuple(dict.fromkeys(r for title in titles for r in self.regions if r.name == title)),
+        )
+
+    def _order(self, definitions: dict[str, syntax.Definition]) -> list[str]:
+        uses = {
+            name: {
+                node.name
+                for node, _ in syntax.walk(d.body)
+                if isinstance(node, syntax.Name) and node.name in definitions
+            }
+            for name, d in definitions.items()
+        }
+        try:
+            return list(TopologicalSorter(uses).static_order())
+        except CycleError as cycle:
+            names: list[str] = cycle.args[1][::-1]
+            first = next(n for n in definitions if n in names)
+            names = names[:-1]
+            names = names[names.index(first) :] + names[: names.index(first)] + [first]
+            circle = " -> ".join(f"'{name}'" for name in names)
+            raise self.error(
+                definitions[first],
+                f"cyclic definition: {circle}; expected each to use others only; break the circle",
+            ) from None
+
+    def _define(self, d: syntax.Definition, label: str | None) -> None:
+        scope = {d.variable: label} if d.variable and label else {}
+        title = _title(d.name, label)
+        if d.keyword == "let":
+            self.results[d.name, label] = self.quantity(d.body, scope)
+            return
+        self.within = title
+        self.results[d.name, label] = self.truth(d.body, scope)
+
+    def _signal(self, name: str) -> Quantity:
+        dimension = self.signals[name]
+        parts = [None] if dimension is None else range(dimension)
+        return Quantity(tuple(self.graph.add("signal", data=(name, part)) for part in parts), dimension)
+
+    def _number(self, value: Value) -> Quantity:
+        if isinstance(value, tuple):
+            return Quantity(tuple(self.graph.add("constant", data=(v,)) for v in value), len(value))
+        return Quantity((self.graph.add("constant", data=(value,)),))
+
+    # Names
+
+    def _name(self, node: syntax.Name, scope: Mapping[str, str]) -> Quantity | Truth:
+        if node.name in self.families:
+            labels = self.families[node.name]
+            raise self.error(
+                node,
+                f"'{node.name}' is a family; expected one of its members; write {node.name}[{labels[0]}]",
+            )
+        result = self.results.get((node.name, None))
+        if result is not None:
+            return result
+        if node.name in scope:
+            raise self.error(node, f"'{node.name}' is a label; it can only stand in brackets, as in goal[{node.name}]")
+        if node.name in FUNCTIONS:
+            raise self.error(node, f"'{node.name}' is a function; expected its arguments; write {node.name}(...)")
+        known = [*self.declared, *FUNCTIONS]
+        advice = did_you_mean(node.name, known)
+        if not advice.startswith("did"):
+            advice = f"declare it, for instance with 'signal {node.name}'"
+        raise self.error(node, f"unknown name '{node.name}'; expected a declared one; {advice}")
+
+    def _index(self, node: syntax.Index, scope: Mapping[str, str]) -> Quantity | Truth:
+        base, label = node.base, scope.get(node.label, node.label)
+        if isinstance(base, syntax.Name) and base.name in self.families:
+            labels = self.families[base.name]
+            if label not in labels:
+                raise self.error(
+                    node,
+                    f"'{base.name}' has no member '{label}'; expected one of {', '.join(labels)}; "
+                    f"{did_you_mean(label, labels)}",
+                )
+            return self.results[base.name, label]
+        vector = self.vector(base, scope, f"only a vector or a family has a member [{label}]")
+        if not label.isdecimal() or int(label) >= len(vector.components):
+            raise self.error(
+                node,
+                f"'{base}' has no component [{label}]; expected 0 to {len(vector.components) - 1}; correct the index",
+            )
+        return Quantity((vector.components[int(label)],))
+
+    def _component(self, node: syntax.Component, scope: Mapping[str, str]) -> Quantity:
+        advice = f"only a vector has a component .{node.axis}"
+        vector = self.vector(node.base, scope, advice)
+        axes = "xyz"[: len(vector.components)]
+        if node.axis not in tuple(axes):
+            raise self.error(
+                node,
+                f"'{node.base}' has no component .{node.axis}; expected one of "
+                f"{', '.join(f'.{a}' for a in axes)}; correct it or write an index, as in [0]",
+            )
+        return Quantity((vector.components[axes.index(node.axis)],))
+
+    # Numbers
+
+    def evaluate(self, node: Node, scope: Mapping[str, str]) -> Quantity | Truth:
+        """The meaning of a tree that may be a number or a formula."""
+        match node:
+            case syntax.Name():
+                return self._name(node, scope)
+            case syntax.Index():
+                return self._index(node, scope)
+            case syntax.Component():
+                return self._component(node, scope)
+            case syntax.Number(value):
+                if not math.isfinite(value):
+                    raise self.error(node, "this number is too large for a float; write a finite one")
+                return self._number(value)
+            case syntax.Vector(items):
+                return Quantity(tuple(self.scalar(item, scope) for item in items), len(items))
+            case syntax.Negative(a):
+                q = self.quantity(a, scope)
+                return Quantity(tuple(self.graph.add("negative", c) for c in q.components), q.dimension)
+            case syntax.Arithmetic():
+                return self._arithmetic(node, scope)
+            case syntax.Call():
+                return self._call(node, scope)
+            case _:
+                return Truth(self._formula(node, scope))
+
+    def quantity(self, node: Node, scope: Mapping[str, str]) -> Quantity:
+        result = self.evaluate(node, scope)
+        if isinstance(result, Truth):
+            raise self.error(node, "found a formula; expected a number; only numbers are compared and computed with")
+        return result
+
+    def scalar(self, node: Node, scope: Mapping[str, str]) -> int:
+        result = self.quantity(node, scope)
+        if result.dimension is not None:
+            raise self.error(
+                node,
+                f"found a vector of {result.dimension}; expected a scalar; take a component (.x, [0]), "
+                "norm(...) or distance(..., ...)",
+            )
+        return result.components[0]
+
+    def vector(self, node: Node, scope: Mapping[str, str], reason: str) -> Quantity:
+        result = self.quantity(node, scope)
+        if result.dimension is None:
+            advice = (
+                f"declare '{node}' as a vector: signal {node}[2]" if self.is_bare else "use a vector or leave it out"
+            )
+            raise self.error(node, f"found a scalar; expected a vector: {reason}; {advice}")
+        return result
+
+    def same(self, nodes: tuple[Node, ...], scope: Mapping[str, str], what: str) -> list[Quantity]:
+        """The values of several trees that must agree in dimension."""
+        values = [self.quantity(node, scope) for node in nodes]
+        for node, value in zip(nodes[1:], values[1:], strict=True):
+            if value.dimension != values[0].dimension:
+                raise self.error(
+                    node,
+                    f"found {_shape(value)}; expected {_shape(values[0])}, as '{nodes[0]}' is; {what}",
+                )
+        return values
+
+    def fold(self, node: Node, name: str, *args: int) -> int:
+        """Add an arithmetic operation that may fail, remembering its place."""
+        try:
+            number = self.graph.add(name, *args)
+        except FloatingPointError:
+            raise self.error(node, f"'{node}' is a constant without a finite value; correct its numbers") from None
+        self.places.setdefault(number, Predicate(str(node), node.span))
+        return number
+
+    def _arithmetic(self, node: syntax.Arithmetic, scope: Mapping[str, str]) -> Quantity:
+        name = _ARITHMETIC[node.operator]
+        if node.operator in "+-":
+            left, right = self.same((node.left, node.right), scope, "add and subtract like to like")
+        else:
+            left = self.quantity(node.left, scope)
+            right = self.quantity(node.right, scope)
+            if right.dimension is not None and (left.dimension is not None or node.operator != "*"):
+                raise self.error(
+                    node.right,
+                    f"found {_shape(right)}; expected a scalar after {node.operator}; "
+                    "work on components (.x, [0]) or use norm(...)",
+                )
+            if left.dimension is not None and node.operator == "**":
+                raise self.error(node.left, f"found {_shape(left)}; expected a scalar before **; use norm(...)")
+        dimension = left.dimension if left.dimension is not None else right.dimension
+        lefts = left.components * (dimension or 1) if left.dimension is None else left.components
+        rights = right.components * (dimension or 1) if right.dimension is None else right.components
+        return Quantity(tuple(self.fold(node, name, a, b) for a, b in zip(lefts, rights, strict=True)), dimension)
+
+    def _call(self, node: syntax.Call, scope: Mapping[str, str]) -> Quantity | Truth:
+        name, arguments = node.function, node.arguments
+        if name not in FUNCTIONS:
+            what = "is no function" if name in self.declared else "unknown function"
+            advice = did_you_mean(name, FUNCTIONS)
+            raise self.error(node, f"{what}: '{name}'; expected one of {', '.join(FUNCTIONS)}; {advice}")
+        fewest, most = FUNCTIONS[name]
+        if not fewest <= len(arguments) <= most:
+            plural = "s" * (fewest > 1)
+            raise self.error(
+                node,
+                f"'{name}' got {len(arguments)} arguments; expected {fewest} argument{plural}; add or delete some",
+            )
+        match name:
+            case "ball" | "box":
+                return Truth(self._region(node, scope))
+            case "norm":
+                vector = self.vector(arguments[0], scope, "a norm is taken of a vector, of a scalar use abs(...)")
+                return Quantity((self.fold(node, "norm", *vector.components),))
+            case "distance":
+                return Quantity((self._distance(node, scope, arguments),))
+            case "min" | "max":
+                op = name + "imum"
+                if len(arguments) > 1:
+                    return Quantity((self.fold(node, op, *(self.scalar(a, scope) for a in arguments)),))
+                vector = self.vector(arguments[0], scope, f"{name} takes several scalars or one vector")
+                return Quantity((self.fold(node, op, *vector.components),))
+            case _:
+                return Quantity((self.fold(node, _ONE_SCALAR[name], self.scalar(arguments[0], scope)),))
+
+    def _distance(self, node: Node, scope: Mapping[str, str], points: tuple[Node, ...]) -> int:
+        a, b = self.same(points, scope, "a distance is between points of one space")
+        differences = [self.fold(node, "subtract", p, q) for p, q in zip(a.components, b.components, strict=True)]
+        number = self.fold(node, "absolute" if a.dimension is None else "norm", *differences)
+        for point, centre_node, centre in ((points[0], points[1], b), (points[1], points[0], a)):
+            if a.dimension is not None and self._is_fixed(centre):
+                self.distances[number] = point, self._fixed(centre_node, centre)
+        return number
+
+    # Regions
+
+    def _is_fixed(self, value: Quantity) -> bool:
+        return all(self.graph.ops[c].name == "constant" for c in value.components)
+
+    def _fixed(self, node: Node, value: Quantity) -> tuple[float, ...]:
+        """The numbers of a quantity that holds no signal."""
+        if not self._is_fixed(value):
+            raise self.error(
+                node,
+                "found a signal; expected constants, a region keeps its place; for a moving one use distance(...)",
+            )
+        return tuple(self.graph.constant(c) for c in value.components)
+
+    def _region(self, node: syntax.Call, scope: Mapping[str, str]) -> int:
+        point, *rest = node.arguments
+        if node.function == "ball":
+            centre_node, radius_node = rest
+            values = self.same((point, centre_node), scope, "a ball and its points lie in one space")
+            centre = self._fixed(centre_node, values[1])
+            self.scalar(radius_node, scope)
+            radius = self.quantity(radius_node, scope)
+            (size,) = self._fixed(radius_node, radius)
+            if size <= 0:
+                raise self.error(radius_node, f"the radius is {size:g}; expected a positive number; correct it")
+            far = self._distance(node, scope, (point, centre_node))
+            number = self._predicate(node, self.fold(node, "subtract", radius.components[0], far))
+            if values[0].dimension is not None:
+                self._remember(point, "ball", centre=centre, radius=size)
+            return number
+        x, low, high = self.same((point, *rest), scope, "a box and its points lie in one space")
+        lower, upper = self._fixed(rest[0], low), self._fixed(rest[1], high)
+        for a, b in zip(lower, upper, strict=True):
+            if not a < b:
+                raise self.error(
+                    rest[0],
+                    f"the box is empty: a lower bound is {a:g}, its upper {b:g}; "
+                    "expected lower < upper in every component; swap or correct them",
+                )
+        faces = [
+            self.fold(node, "subtract", *pair)
+            for c, a, b in zip(x.components, low.components, high.components, strict=True)
+            for pair in ((c, a), (b, c))
+        ]
+        if x.dimension is not None:
+            self._remember(point, "box", lower=lower, upper=upper)
+        return self._predicate(node, self.fold(node, "minimum", *faces))
+
+    def _remember(self, point: Node, kind: str, **shape: Any) -> None:
+        signal = point.name if isinstance(point, syntax.Name) and point.name in self.signals else None
+        self.regions.append(Region(self.within, kind, signal, **shape))
+
+    # Formulas
+
+    def truth(self, node: Node, scope: Mapping[str, str]) -> Truth:
+        result = self.evaluate(node, scope)
+        if isinstance(result, Quantity):
+            raise self.error(node, f"found {_shape(result)}; expected a formula; compare it, as in {node} < 1")
+        return result
+
+    def _predicate(self, node: Node, number: int) -> int:
+        if self.graph.ops[number].name == "constant":
+            raise self.error(node, f"'{node}' holds no signal, its value never changes; expected a signal; correct it")
+        self.predicates.setdefault(number, Predicate(str(node), node.span))
+        return number
+
+    def _comparison(self, node: syntax.Comparison, scope: Mapping[str, str]) -> int:
+        values = [self.scalar(operand, scope) for operand in node.operands]
+        links = []
+        for i, operator in enumerate(node.operators):
+            small, large = (i, i + 1) if operator[0] == "<" else (i + 1, i)
+            link = syntax.Comparison(
+                node.operands[i : i + 2],
+                (operator,),
+                span=node.operands[i].span.to(node.operands[i + 1].span),
+            )
+            links.append(self._predicate(link, self.fold(link, "subtract", values[large], values[small])))
+            for near, far in ((small, large), (large, small)):
+                if values[near] in self.distances and self.graph.ops[values[far]].name == "constant":
+                    point, centre = self.distances[values[near]]
+                    self._remember(point, "ball", centre=centre, radius=self.graph.constant(values[far]))
+        return self.graph.add("minimum", *links)
+
+    def _formula(self, node: Node, scope: Mapping[str, str]) -> int:
+        def of(child: Node) -> int:
+            return self.truth(child, scope).node
+
+        add = self.graph.add
+        match node:
+            case syntax.Comparison():
+                return self._comparison(node, scope)
+            case syntax.Not(p):
+                return add("negative", of(p))
+            case syntax.And(operands):
+                return add("minimum", *map(of, operands))
+            case syntax.Or(operands):
+                return add("maximum", *map(of, operands))
+            case syntax.Implies(p, q):
+                return add("maximum", add("negative", of(p)), of(q))
+            case syntax.Iff(p, q):
+                a, b = of(p), of(q)
+                return add("minimum", add("maximum", add("negative", a), b), add("maximum", add("negative", b), a))
+            case syntax.Next(p, strong):
+                return add("next", of(p), data=(1, strong))
+            case syntax.Always(p, interval):
+                return add("always", of(p), data=(self._window(interval, scope),))
+            case syntax.Eventually(p, interval):
+                return add("eventually", of(p), data=(self._window(interval, scope),))
+            case syntax.Until(p, q, interval):
+                return self._until(of(p), of(q), self._window(interval, scope))
+            case syntax.Release(p, q, interval):
+                not_p, not_q = add("negative", of(p)), add("negative", of(q))
+                return add("negative", self._until(not_p, not_q, self._window(interval, scope)))
+            case syntax.WeakUntil(p, q):
+                a, b = of(p), of(q)
+                return add("maximum", self._until(a, b, None), add("always", a, data=(None,)))
+            case syntax.Then(p, q):
+                a, b = of(p), of(q)
+                return add("then", a, b, data=(None, not self.graph.pointwise[a]))
+            case syntax.ForEach(quantifier, variable, labels, body):
+                self._check_binding(node.span, variable, labels)
+                if variable in scope:
+                    raise self.error(node, f"the variable '{variable}' is already bound around this; choose another")
+                bodies = [self.truth(body, {**scope, variable: label}).node for label in labels]
+                return add("minimum" if quantifier == "all" else "maximum", *bodies)
+            case _:
+                raise TypeError(f"no meaning for {type(node).__name__}")
+
+    def _until(self, p: int, q: int, window: tuple[int, int] | None) -> int:
+        """U, with a window split off where p holds no temporal operator.
+
+        p U[a,b] q = F[a,b] q & G[0,a-1] p & X[!]^a (p U q), in value too: a witness of the last part beyond
+        b can be replaced by the one of the first. The left operand must not depend on the witness for this.
+        """
+        add = self.graph.add
+        truncated = not self.graph.pointwise[p]
+        if window is None or truncated:
+            return add("until", p, q, data=(window, truncated))
+        until = add("until", p, q, data=(None, False))
+        parts = [add("eventually", q, data=(window,))]
+        if window[0] > 0:
+            parts.append(add("always", p, data=((0, window[0] - 1),)))
+            until = add("next", until, data=(window[0], True))
+        return add("minimum", *parts, until)
+
+    def _window(self, interval: syntax.Interval | None, scope: Mapping[str, str]) -> tuple[int, int] | None:
+        if interval is None:
+            return None
+        lower, upper = self._bound(interval.lower, scope), self._bound(interval.upper, scope)
+        if lower > upper:
+            raise self.error(
+                interval,
+                f"the interval is reversed: {lower} is greater than {upper}; expected [small, large]; swap them",
+            )
+        return lower, upper
+
+    def _bound(self, node: Node, scope: Mapping[str, str]) -> int:
+        (value,) = self._fixed(node, Quantity((self.scalar(node, scope),)))
+        if value < 0 or not value.is_integer():
+            raise self.error(
+                node,
+                f"the bound is {value:g}; expected a whole number of steps from 0 on; time is counted in samples",
+            )
+        return int(value)
+
+
+def _title(name: str, label: str | None) -> str:
+    return name if label is None else f"{name}[{label}]"
+
+
+def _shape(value: Quantity) -> str:
+    return "a scalar" if value.dimension is None else f"a vector of {value.dimension}"
+
+
+def _dimension(node: Node, known: Mapping[str, int]) -> int | None:
+    """The dimension of an expression in a bare formula as far as its form shows it."""
+    parts: Iterator[Node] = iter(())
+    match node:
+        case syntax.Vector(items):
+            return len(items)
+        case syntax.Name(name):
+            return known.get(name)
+        case syntax.Negative(a):
+            parts = iter((a,))
+        case syntax.Arithmetic(_, a, b):
+            parts = iter((a, b))
+    return next((d for part in parts if (d := _dimension(part, known)) is not None), None)

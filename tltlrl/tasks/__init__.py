@@ -1,0 +1,85 @@
+"""The tasks by name: what a config needs to build one, and `load_task` for `dm_env` users."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+with warnings.catch_warnings():
+    # On a machine without a display dm_control tries GLFW, which warns, before EGL and OSMesa.
+    warnings.filterwarnings("ignore", module="glfw")
+    import dm_control.mujoco  # noqa: F401
+
+from dm_control.rl import control
+
+from tltlrl.errors import UserError, nearest
+from tltlrl.resources import spec_path
+from tltlrl.spec import load_spec
+from tltlrl.tasks import planar_arm, toast
+from tltlrl.tasks.task import StepReward, Task, environment
+
+
+@dataclass(frozen=True)
+class TaskEntry:
+    """How to build a task from configuration.
+
+    Attributes:
+      config: dataclass of the task's own settings.
+      reward: dataclass of its hand-made rewards' coefficients.
+      rewards: (coefficients, spec constants) => the hand-made rewards by name.
+      make: (config, rewards, random) => the task.
+      hand_made: names of the hand-made rewards.
+    """
+
+    config: type
+    reward: type
+    rewards: Callable[[Any, Mapping[str, Any]], dict[str, StepReward]]
+    make: Callable[..., Task]
+    hand_made: tuple[str, ...] = ("discrete", "continuous")
+
+
+TASKS: dict[str, TaskEntry] = {
+    "reach_avoid": TaskEntry(
+        planar_arm.PlanarArmConfig,
+        planar_arm.ReachAvoidReward,
+        planar_arm.reach_avoid_rewards,
+        planar_arm.PlanarArm,
+    ),
+    "visit_in_order": TaskEntry(
+        planar_arm.PlanarArmConfig,
+        planar_arm.VisitInOrderReward,
+        planar_arm.visit_in_order_rewards,
+        planar_arm.PlanarArm,
+    ),
+    "toast": TaskEntry(
+        toast.ToastConfig, toast.ToastReward, toast.toast_rewards, toast.Toast, hand_made=("continuous",)
+    ),
+}
+
+
+def task_entry(name: str) -> TaskEntry:
+    """The entry of `name`.
+
+    Raises:
+      UserError: if there is no such task.
+    """
+    if name not in TASKS:
+        raise UserError(f"no task is named {name}{nearest(name, TASKS)}")
+    return TASKS[name]
+
+
+def load_task(name: str, seed: int | None = None) -> control.Environment:
+    """A task with its default settings as a `dm_env.Environment`; its reward is the discrete one, if the task has it.
+
+    Args:
+      name: one of `TASKS`.
+      seed: of the actuators' noise.
+
+    Raises:
+      UserError: if there is no such task.
+    """
+    entry = task_entry(name)
+    constants = load_spec(spec_path(f"{name}.tltl")).constants
+    return environment(entry.make(entry.config(name=name), entry.rewards(entry.reward(), constants), random=seed))
