@@ -73,7 +73,8 @@ def test_learning_curves_have_the_promised_columns_and_rows(undisturbed):
     with open(undisturbed / "learning_curves.csv", newline="") as file:
         rows = list(csv.DictReader(file))
     promised = """task case reward algorithm seed iteration episodes env_steps return_mean robustness_mean
-        robustness_std robustness_min robustness_max robustness_policy satisfied_fraction eta kl effective_sample_size entropy"""
+        robustness_std robustness_min robustness_max robustness_policy satisfied_fraction eta kl effective_sample_size
+        entropy"""
     assert set(promised.split()) <= set(rows[0])
     assert [(r["case"], int(r["seed"]), int(r["iteration"])) for r in rows] == [
         (case, seed, i) for case in CASES for seed in (0, 1) for i in range(3)

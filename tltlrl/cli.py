@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import re
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from tltlrl.errors import UserError, nearest
@@ -56,8 +58,74 @@ def run(arguments: list[str]) -> int:
     return _told("tltl-run", lambda: _hydra_run(arguments))
 
 
-def main() -> None:
+def main(arguments: list[str] | None = None) -> None:
     """The command `tltl`."""
+    parser = argparse.ArgumentParser("tltl", description="Check specs; evaluate, render and plot what was learned.")
+    commands = parser.add_subparsers(metavar="COMMAND", required=True)
+
+    evaluate = commands.add_parser("evaluate", help="trials of a learned policy and their success rate")
+    evaluate.add_argument("run", type=Path, metavar="RUN", help="for instance runs/reach_avoid/tltl_episodic/seed_0")
+    evaluate.add_argument("--trials", type=int, default=10, help="how many (default 10, as in the case study)")
+    evaluate.add_argument("--seed", type=int, default=0, help="of the actuators' noise (default 0)")
+    evaluate.set_defaults(command=_evaluate)
+
+    render = commands.add_parser("render", help="a picture of the workspace with the learned paths")
+    render.add_argument("run", type=Path, metavar="RUN", help="for instance runs/reach_avoid/tltl_episodic/seed_0")
+    render.add_argument("--output", type=Path, help="where to, without suffix (default RUN/workspace)")
+    render.set_defaults(command=_render)
+
+    plot = commands.add_parser("plot", help="the learning curves of one or more experiments, from their CSV files")
+    plot.add_argument("experiments", type=Path, nargs="+", metavar="EXPERIMENT", help="for instance runs/reach_avoid")
+    plot.add_argument("--output", type=Path, help="where to, without suffix (default EXPERIMENT/learning_curves)")
+    plot.set_defaults(command=_plot)
+
+    chosen = parser.parse_args(arguments)
+    sys.exit(_told("tltl", lambda: chosen.command(chosen)))
+
+
+def _evaluate(arguments: argparse.Namespace) -> int:
+    import numpy as np
+    from scipy.stats import binomtest
+
+    from tltlrl.evaluation import trials
+    from tltlrl.experiment import open_run
+    from tltlrl.rollout import Simulator
+
+    if arguments.trials < 1 or arguments.seed < 0:
+        raise UserError("--trials must be at least 1 and --seed at least 0")
+    run, policy = open_run(arguments.run)
+    task = run.make_task()
+    motion = trials(Simulator(task), policy, arguments.trials, np.random.default_rng(arguments.seed))
+    robustness = run.spec.robustness(task.signals(motion.features, motion.commands))
+    for trial, value in enumerate(robustness):
+        print(f"trial {trial}: robustness {value:+.4f}, {'satisfied' if value > 0 else 'violated'}")
+    successes = int(np.sum(robustness > 0))
+    interval = binomtest(successes, arguments.trials).proportion_ci(method="wilson")
+    print(
+        f"success rate {successes}/{arguments.trials} = {successes / arguments.trials:.2f} "
+        f"(95 % Wilson interval {interval.low:.2f} to {interval.high:.2f})"
+    )
+    return 0
+
+
+def _render(arguments: argparse.Namespace) -> int:
+    from tltlrl.experiment import open_run
+    from tltlrl.workspace import draw_workspace
+
+    run, policy = open_run(arguments.run)
+    output = arguments.output or arguments.run / "workspace"
+    draw_workspace(run, policy, output)
+    print(f"{output}.png, {output}.pdf")
+    return 0
+
+
+def _plot(arguments: argparse.Namespace) -> int:
+    from tltlrl.plotting import plot_learning_curves, read_curves
+
+    output = arguments.output or arguments.experiments[0] / "learning_curves"
+    plot_learning_curves([read_curves(folder) for folder in arguments.experiments], output)
+    print(f"{output}.png, {output}.pdf")
+    return 0
 
 
 def _addable(argument: str) -> str:

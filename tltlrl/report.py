@@ -11,10 +11,10 @@ from scipy.stats import binomtest
 
 from tltlrl.config import Experiment
 from tltlrl.files import write_text
-from tltlrl.plotting import plot_learning_curves
+from tltlrl.plotting import CURVES, plot_learning_curves
 from tltlrl.training import DONE, PROGRESS
 
-CURVES, SUMMARY, SUMMARY_PAGE, REPORT = "learning_curves.csv", "summary.csv", "summary.md", "report.md"
+SUMMARY, SUMMARY_PAGE, REPORT = "summary.csv", "summary.md", "report.md"
 
 
 def write_report(folder: Path, experiment: Experiment, failures: Mapping[str, str]) -> None:
@@ -34,7 +34,7 @@ def write_report(folder: Path, experiment: Experiment, failures: Mapping[str, st
     write_text(folder / SUMMARY, summary.to_csv(index=False, lineterminator="\n"))
     write_text(folder / SUMMARY_PAGE, summary_page(experiment, summary, failures))
     write_text(folder / REPORT, report_page(experiment, summary, failures))
-    plot_learning_curves(curves, folder / "learning_curves", title=f"{experiment.name}: {experiment.spec.formula}")
+    plot_learning_curves([curves], folder / "learning_curves")
 
 
 def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, float]]) -> pd.DataFrame:

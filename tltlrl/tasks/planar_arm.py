@@ -288,6 +288,13 @@ def forward_kinematics(angles: Array, link_lengths: Array) -> Array:
     return np.stack([np.cos(heading) @ link_lengths, np.sin(heading) @ link_lengths], axis=-1)
 
 
+def joint_positions(angles: Array, link_lengths: Array) -> Array:
+    """Base, both inner joints and the end-effector: (..., 3) rad, (3,) m => (..., 4, 2) m."""
+    heading = np.cumsum(angles, axis=-1)
+    links = np.stack([np.cos(heading), np.sin(heading)], axis=-1) * link_lengths[:, None]
+    return np.concatenate([np.zeros_like(links[..., :1, :]), np.cumsum(links, axis=-2)], axis=-2)
+
+
 def model_xml(link_lengths: Sequence[float], max_speed: float) -> str:
     """planar_arm.xml with the given link lengths (m) and command limit (rad/s)."""
     root = etree.fromstring(files("tltlrl.tasks").joinpath("planar_arm.xml").read_bytes())
