@@ -180,7 +180,7 @@ def iterate(run: Run, task: Task, simulator: Simulator, policy: Policy, iteratio
     physics_seconds = time.perf_counter() - start
 
     signals = task.signals(trajectories.features, trajectories.commands)
-    robustness = run.spec.robustness(signals)
+    robustness = run.spec.robustness(signals, trajectories.lengths)
     sampled, of_policy = robustness[:samples], robustness[samples]
     returns, update = learn(run, task, signals, sampled, offsets[:samples], policy)
     weighting = update.weighting
@@ -294,7 +294,7 @@ def finish(run: Run, task: Task, simulator: Simulator, policy: Policy, folder: P
     """Judges the learned policy and writes policy.npz and done.json."""
 
     def robustness(motion: Any) -> Array:
-        return run.spec.robustness(task.signals(motion.features, motion.commands))
+        return run.spec.robustness(task.signals(motion.features, motion.commands), motion.lengths)
 
     of_policy = float(robustness(mean_motion(simulator, policy))[0])
     rng = np.random.default_rng([run.seed, run.algorithm.iterations, run.trials])
