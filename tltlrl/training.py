@@ -204,7 +204,11 @@ def iterate(run: Run, task: Task, simulator: Simulator, policy: Policy, iteratio
 def learn(
     run: Run, task: Task, signals: Signals, robustness: Array, offsets: Array, policy: Policy
 ) -> tuple[Array, Update]:
-    """Returns of the sampled trajectories in the reward's own units, shape (N,), and the update they lead to."""
+    """Returns of the sampled trajectories in the reward's own units, shape (N,), and the update they lead to.
+
+    After an early end a hand-made reward goes on as at the last sample (an absorbing state): otherwise an episode
+    that ends early would be spared its costs.
+    """
     a = run.algorithm
     settings = (policy.mean, policy.covariance, a.epsilon, a.covariance, a.kept)
     if run.case.reward == "tltl":
