@@ -25,8 +25,8 @@ Examples
   tltl-run experiment=reach_avoid name=small seeds=[7] algorithm.samples=30 reward.goal=3
 
 Any key of the config below can be set as key=value; a list is written [1,2,3], without spaces.
-Constants of the spec are set with constants.NAME=value. The results go to <runs_dir>/<name>; the same
-command again finishes what is missing there. Ctrl-C keeps what is done.
+Constants of the spec are set with constants.NAME=value. The results go to <runs_dir>/<name>;
+the same command again finishes what is missing there. Ctrl-C keeps what is done.
 
 Experiments: {experiments}
 Specs that come with tltlrl: {specs}
@@ -39,7 +39,7 @@ Options
   --config-dir DIR   look for experiments, tasks, rewards and algorithms of your own in DIR, too
   --help             this page
 
-Exit codes: 0 done, 1 a run failed, 2 something in the command, config or spec has to be mended, 130 Ctrl-C.
+Exit codes: 0 done; 1 a run failed; 2 the command, config or spec has to be mended; 130 Ctrl-C.
 """
 
 
@@ -214,7 +214,7 @@ def usage() -> str:
 
     experiments = _names("experiment")
     shown = experiments[0]
-    config = yaml.safe_dump(compose([f"experiment={shown}"]), sort_keys=False, default_flow_style=None, width=90)
+    config = yaml.safe_dump(compose([f"experiment={shown}"]), sort_keys=False, default_flow_style=None, width=86)
     return USAGE.format(
         experiments=", ".join(experiments),
         specs=", ".join(path.name for path in sorted(SPECS.glob("*.tltl"))),
