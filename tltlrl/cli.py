@@ -53,6 +53,7 @@ def run(arguments: list[str]) -> int:
     if "--help" in arguments or "-h" in arguments:
         print(usage(), end="")
         return 0
+    os.environ.setdefault("MUJOCO_GL", "disable")  # nothing here renders, and looking for a renderer takes a second
     os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra raises what goes wrong, and it is told below
     sys.argv = ["tltl-run", *(_addable(argument) for argument in arguments)]
     return _told("tltl-run", lambda: _hydra_run(arguments))
@@ -69,9 +70,9 @@ def main(arguments: list[str] | None = None) -> None:
     evaluate.add_argument("--seed", type=int, default=0, help="of the actuators' noise (default 0)")
     evaluate.set_defaults(command=_evaluate)
 
-    render = commands.add_parser("render", help="a picture of the workspace with the learned paths")
+    render = commands.add_parser("render", help="a picture of the workspace with the learned paths, and a video")
     render.add_argument("run", type=Path, metavar="RUN", help="for instance runs/reach_avoid/tltl_episodic/seed_0")
-    render.add_argument("--output", type=Path, help="where to, without suffix (default RUN/workspace)")
+    render.add_argument("--output", type=Path, help="a folder for them (default RUN)")
     render.set_defaults(command=_render)
 
     plot = commands.add_parser("plot", help="the learning curves of one or more experiments, from their CSV files")
@@ -110,12 +111,18 @@ def _evaluate(arguments: argparse.Namespace) -> int:
 
 def _render(arguments: argparse.Namespace) -> int:
     from tltlrl.experiment import open_run
+    from tltlrl.tasks.planar_arm import PlanarArm
+    from tltlrl.video import render_motion
     from tltlrl.workspace import draw_workspace
 
     run, policy = open_run(arguments.run)
-    output = arguments.output or arguments.run / "workspace"
-    draw_workspace(run, policy, output)
-    print(f"{output}.png, {output}.pdf")
+    folder = arguments.output or arguments.run
+    folder.mkdir(parents=True, exist_ok=True)
+    if isinstance(run.make_task(), PlanarArm):
+        draw_workspace(run, policy, folder / "workspace")
+        print(f"{folder}/workspace.png, .pdf: the paths")
+    render_motion(run, policy, folder / "motion")
+    print(f"{folder}/motion.gif: the motion; motion.png: frames of it")
     return 0
 
 
