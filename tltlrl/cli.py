@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from tltlrl import check
 from tltlrl.errors import UserError, nearest
 from tltlrl.resources import CONFIGS, SPECS
 from tltlrl.spec import SpecError, TraceError
@@ -63,6 +64,7 @@ def main(arguments: list[str] | None = None) -> None:
     """The command `tltl`."""
     parser = argparse.ArgumentParser("tltl", description="Check specs; evaluate, render and plot what was learned.")
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
+    check.add_parser(commands)
 
     evaluate = commands.add_parser("evaluate", help="trials of a learned policy and their success rate")
     evaluate.add_argument("run", type=Path, metavar="RUN", help="for instance runs/reach_avoid/tltl_episodic/seed_0")
