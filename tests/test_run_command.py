@@ -171,6 +171,23 @@ def test_overwrite_starts_again(tmp_path):
     assert [p.name for p in (tmp_path / "runs" / "small" / "tltl_episodic").iterdir()] == ["seed_1"]
 
 
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_run_that_fails_is_told_the_others_go_on_and_the_exit_code_is_1(tmp_path, workers):
+    """The root has no value below a height that some seeds' first samples reach and others' do not."""
+    (tmp_path / "root.tltl").write_text("signal ee[2]\nconst low = 1.9\nspec: F G (sqrt(ee.y - low) > 0.3)\n")
+    settings = ("spec=root.tltl", "cases=[tltl_episodic]", "seeds=6", "algorithm.iterations=1", "task.steps=8")
+    code, _, errors = run(tmp_path, *SMALL, *settings, f"workers={workers}")
+    failed, finished = errors.count("FAILED: TraceError"), errors.count(" finished\n")
+    assert code == 1, errors
+    assert failed + finished == 6
+    assert failed > 0
+    assert finished > 0
+    assert "Traceback" not in errors
+    page = (tmp_path / "runs/small/summary.md").read_text()
+    assert page.count("- tltl_episodic/seed_") == failed
+    assert len((tmp_path / "runs/small/summary.csv").read_text().splitlines()) == 1 + finished
+
+
 MISTAKES = {
     (): "tltl-run: say which experiment: experiment=NAME, one of: reach_avoid, toast, visit_in_order",
     ("experiment=reach_avoyd",): (

@@ -93,10 +93,11 @@ def _cluster(workers: int, address: str | None) -> Iterator[str]:
     processes = [worker.pid for worker in cluster.workers.values()]
     try:
         yield cluster.scheduler_address
-    except BaseException:
+    except BaseException:  # Ctrl-C above all: nobody waits for workers in the middle of an iteration
         for process in processes:
             with contextlib.suppress(OSError):
                 os.kill(process, signal.SIGKILL)
+        with contextlib.suppress(TimeoutError):
+            cluster.close(timeout=1)
         raise
-    finally:
-        cluster.close(timeout=1)
+    cluster.close()
