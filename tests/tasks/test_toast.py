@@ -253,7 +253,8 @@ def test_reference_starts_beside_the_toaster_and_ends_in_the_slot() -> None:
     np.testing.assert_allclose(positions[0], [0.60, -0.62, -0.10], atol=1e-3)
     np.testing.assert_allclose(positions[40], np.add(CONSTANTS["slot_centre"], [0, 0, 0.15]), atol=1e-3)
     np.testing.assert_allclose(positions[60:], np.tile(CONSTANTS["slot_centre"], (40, 1)), atol=1e-3)
-    assert np.all(np.abs(commands) <= task.command_scale)
+    assert np.all(np.abs(commands[:, :7]) <= task.command_scale[:7])
+    assert set(commands[:, 7]) == {-20.0, 120.0}
     assert not task.terminated(features).any()
 
 
