@@ -3,6 +3,9 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+RUNS := runs
+# Overrides for every experiment of reproduce-figures, for instance OVERRIDES='seeds=1 algorithm.iterations=5'.
+OVERRIDES :=
 
 # Parallelism lies between runs; the small matrices within one gain nothing from threads of their own.
 export OMP_NUM_THREADS = 1
@@ -21,8 +24,8 @@ $(READY): pyproject.toml constraints.txt
 
 ## make reproduce-figures: figure 3.3 from runs at the case study's full budget, into runs/
 reproduce-figures: $(READY)
-	$(BIN)/tltl-run experiment=reach_avoid
-	$(BIN)/tltl plot runs/reach_avoid --output runs/figure_3_3
+	$(BIN)/tltl-run experiment=reach_avoid runs_dir=$(RUNS) $(OVERRIDES)
+	$(BIN)/tltl plot $(RUNS)/reach_avoid --output $(RUNS)/figure_3_3
 
 ## make test: lint, types, tests, and a short run of each experiment through the real command
 test: lint types

@@ -22,7 +22,7 @@ STYLES: dict[str, dict[str, Any]] = {
     "discrete_episodic": {"color": "#D55E00", "linestyle": "--"},
     "continuous_episodic": {"color": "#0072B2", "linestyle": "-."},
     "discrete_step": {"color": "#E69F00", "linestyle": ":"},
-    "continuous_step": {"color": "#56B4E9", "linestyle": (0, (5, 1, 1, 1, 1, 1))},
+    "continuous_step": {"color": "#3E9ED6", "linestyle": (0, (5, 1, 1, 1, 1, 1))},
 }
 LABELS = {
     "tltl_episodic": "TLTL robustness, episode-based",
@@ -92,7 +92,7 @@ def draw_learning_curves(axes: mpl.axes.Axes, curves: pd.DataFrame) -> None:
     for case, rows in curves.groupby("case", sort=False):
         style = STYLES.get(str(case), {})
         by_seed = rows.pivot(index="iteration", columns="seed", values="robustness_mean")
-        values = by_seed.to_numpy()
+        values = by_seed.where(np.isfinite(by_seed)).to_numpy()  # a gap where a mean is infinite
         axes.plot(by_seed.index, values, linewidth=0.4, alpha=0.5, color=style.get("color"))
         if values.shape[1] > 1:
             low, high = bootstrap_band(values)
@@ -110,9 +110,16 @@ def draw_learning_curves(axes: mpl.axes.Axes, curves: pd.DataFrame) -> None:
 
 
 def bootstrap_band(values: Array) -> tuple[Array, Array]:
-    """95 % percentile bootstrap interval of the mean over the columns: (T, seeds) => two of shape (T,)."""
-    interval = bootstrap(
-        (values.T,), np.mean, axis=0, vectorized=True, n_resamples=RESAMPLES, method="percentile",
-        rng=np.random.default_rng(0),
-    ).confidence_interval  # fmt: skip
-    return np.asarray(interval.low), np.asarray(interval.high)
+    """95 % percentile bootstrap interval of the mean over the columns: (T, seeds) => two of shape (T,).
+
+    NaN where a value is.
+    """
+    band = np.full((2, len(values)), np.nan)
+    known = np.isfinite(values).all(axis=1)
+    if known.any():
+        interval = bootstrap(
+            (values[known].T,), np.mean, axis=0, vectorized=True, n_resamples=RESAMPLES, method="percentile",
+            rng=np.random.default_rng(0),
+        ).confidence_interval  # fmt: skip
+        band[:, known] = interval.low, interval.high
+    return band[0], band[1]

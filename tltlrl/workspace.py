@@ -42,7 +42,7 @@ def draw_workspace(run: Run, policy: Policy, path: Path, count: int = 20) -> Non
     satisfied = np.sum(run.spec.robustness(task.signals(tried.features, tried.commands)) > 0)
 
     with mpl.rc_context(FONT):
-        figure = Figure(figsize=(4.6, 4.6), layout="constrained")
+        figure = Figure(figsize=(4.8, 4.2), layout="constrained")
         axes = figure.add_subplot()
         _draw_regions(axes, run.spec)
         for ee in task.signals(sampled.features, sampled.commands)["ee"]:
@@ -61,7 +61,7 @@ def draw_workspace(run: Run, policy: Policy, path: Path, count: int = 20) -> Non
         figure.supxlabel(
             f"Robustness of the mean motion {robustness:+.3f} m; {satisfied} of {run.trials} noisy trials satisfy the "
             f"spec.\nBlack: mean path of the end-effector (dot: start, square: end); grey: {count} sampled paths.\n"
-            f"Blue: {POSES} poses of the arm, later ones darker. Discs: the regions that the spec names.",
+            f"Blue: {POSES} poses of the arm, later ones darker. Plain: regions by name; hatched: to be kept out of.",
             fontsize=6.5,
         )
         for suffix, metadata in ((".png", {"Software": None}), (".pdf", {"CreationDate": None})):
@@ -82,6 +82,10 @@ def _draw_regions(axes: Axes, spec: Spec) -> None:
             (left, bottom), (right, top) = region.lower, region.upper
             x, y = (left + right) / 2, (bottom + top) / 2
             shape = Rectangle((left, bottom), right - left, top - bottom)
-        shape.set(facecolor="0.88", edgecolor="0.3", linewidth=0.8, zorder=1)
+        shape.set(facecolor="0.9", edgecolor="0.3", linewidth=0.8, hatch=None if region.inside else "////", zorder=1)
         axes.add_patch(shape)
-        axes.annotate(region.name or "", (x, y), ha="center", va="center", fontsize=6.5, zorder=6)
+        if region.inside:
+            axes.annotate(
+                region.name or "", (x, y), xytext=(0, -14), textcoords="offset points", ha="center", va="top",
+                fontsize=7, zorder=6,
+            )  # fmt: skip

@@ -43,11 +43,10 @@ class Explanation:
         if self.predicate is None:
             return f"{verdict}, robustness {self.value:+g}: decided by the end of the trajectory, step {self.step}"
         part = f" in {self.name}" if self.name else ""
-        sign = "not " if self.negated else ""
+        atom = f"!({self.predicate})" if self.negated else self.predicate
         return (
-            f"{verdict}, robustness {self.value:+.6g}: decided at step {self.step} by "
-            f"{sign}{self.predicate}{part} "
-            f"({self.source}:{self.line}:{self.column}), margin {self.margin:+.6g}"
+            f"{verdict}, robustness {self.value:+.6g}: decided at step {self.step} by {atom}{part}, "
+            f"margin {self.margin:+.6g} ({self.source}:{self.line}:{self.column})"
         )
 
 

@@ -6,7 +6,7 @@ node's arguments come before it, so that no pass over the graph needs recursion.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -30,7 +30,7 @@ UFUNCS: dict[str, np.ufunc] = {
     "minimum": np.minimum,
     "maximum": np.maximum,
 }
-POINTWISE = {*UFUNCS, "norm", "signal", "constant"}
+POINTWISE = {*UFUNCS, "norm", "squares", "signal", "constant"}
 # Not defined, or not finite, for some finite arguments: computed at every sample, so that a mistake is
 # never missed.
 PARTIAL = {"divide", "power", "sqrt", "exp"}
@@ -46,7 +46,8 @@ class Op:
     |---|---|---|
     | signal | signal's name, component or None | the sample |
     | constant | number | the number |
-    | any of UFUNCS, norm | | that function of the arguments at t |
+    | any of UFUNCS | | that function of the arguments at t |
+    | norm, squares | | root of the sum of squares, the sum |
     | next | steps k, strong | argument at t + k; beyond the end -inf when strong, else +inf |
     | always, eventually | window or None | min, max over the window, None meaning to the end |
     | until, then | window or None, truncated | the definition; `truncated`: the left operand is temporal |
@@ -89,13 +90,13 @@ class Graph:
         assert isinstance(value, float)
         return value
 
-    def below(self, roots: Iterable[int]) -> list[int]:
-        """Every node the roots depend on, themselves included, arguments first."""
+    def below(self, roots: Iterable[int], without: Container[int] = ()) -> list[int]:
+        """Every node the roots depend on, themselves included, arguments first; not through `without`."""
         seen: set[int] = set()
         stack = list(roots)
         while stack:
             node = stack.pop()
-            if node not in seen:
+            if node not in seen and node not in without:
                 seen.add(node)
                 stack.extend(self.ops[node].args)
         return sorted(seen)
@@ -121,16 +122,16 @@ class Graph:
         return None if reach[root] == math.inf else int(reach[root])
 
 
-def apply(op: Op, args: list[Array]) -> Array:
-    """A pointwise operation on its arguments' values."""
+def apply(op: Op, args: list[Array], out: Array | None = None, scratch: Array | None = None) -> Array:
+    """A pointwise operation on its arguments' values, into `out` if given; norm and squares also write to `scratch`."""
     value: Array
-    if op.name == "norm":
-        value = args[0] * args[0]
+    if op.name in {"norm", "squares"}:
+        value = np.multiply(args[0], args[0], out=out)
         for arg in args[1:]:
-            value += arg * arg
-        return np.sqrt(value)
+            value = np.add(value, np.multiply(arg, arg, out=scratch), out=out)
+        return np.sqrt(value, out=out) if op.name == "norm" else value
     ufunc = UFUNCS[op.name]
-    value = ufunc(*args[:2])
+    value = ufunc(*args[:2], out=out)
     for arg in args[2:]:
-        value = ufunc(value, arg)
+        value = ufunc(value, arg, out=out)
     return value

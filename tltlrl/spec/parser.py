@@ -1,5 +1,6 @@
 """Spec text to syntax tree."""
 
+import re
 from functools import cache
 from pathlib import Path
 
@@ -243,7 +244,9 @@ def _explain(source: Source, mistake: UnexpectedInput) -> SpecError:
         )
     else:
         span, found = span_of(token), f"found '{token}'"
-    return SpecError(source, span, f"{found}; {_expected(token, set(accepts), mistake.token_history or [])}")
+    before = re.search(r"(\w+|\S)?\s*$", source.text[: token.start_pos or 0])
+    assert before is not None
+    return SpecError(source, span, f"{found}; {_expected(token, set(accepts), before[1] or '')}")
 
 
 def _unknown_character(char: str) -> str:
@@ -262,18 +265,19 @@ def _unknown_character(char: str) -> str:
     return f"found the character {char!r}; it has no meaning in a spec; {advice}"
 
 
-def _expected(token: Token, accepts: set[str], history: list[Token]) -> str:
-    """What could stand where `token` does, and what its writer probably meant."""
-    before = history[-1].type if history else ""
-    if accepts == {"NAME"} or before in {"SIGNAL", "CONST", "LET", "DEF"}:
+def _expected(token: Token, accepts: set[str], before: str) -> str:
+    """What could stand where `token` does, after the text `before`, and what its writer probably meant."""
+    if accepts == {"NAME"}:
+        if before == ".":
+            return "expected a component after the dot; write .x, .y or .z, or an index in brackets, as in ee[0]"
         if token.type in _OPERATORS:
             return (
                 f"expected a name, and '{token}' {_OPERATORS[token.type]}; "
                 f"use another name, such as '{_renamed(token)}'"
             )
-        if before == "DOT":
-            return "expected a component after the dot; write .x, .y or .z, or an index in brackets, as in ee[0]"
         return "expected a name; names begin with a letter"
+    if {"LPAR", "NUMBER"} <= accepts and "NAME" not in accepts:
+        return "a constant is a number or a vector of numbers, as 0.2 or (1.5, -2); name anything else with 'let'"
     if "NAME" in accepts and "LPAR" in accepts:
         if token.type in _DECLARATIONS:
             return f"expected a formula or a number; complete what stands before '{token}'"
@@ -281,9 +285,9 @@ def _expected(token: Token, accepts: set[str], history: list[Token]) -> str:
             return "expected a formula or a number before it; write one or delete what is too much"
         if token.type in {"ALL", "ANY"}:
             return f"expected an operand; put parentheses around it: ({token} i in ...: ...)"
-        if token.type == "LSQB" and before in {"NEXT", "THEN", "WEAK"}:
+        if token.type == "LSQB" and before in {"X", "T", "W", "○", "◯"}:
             return "this operator takes no interval; delete it (X[!] is the strong next)"
-        if token.type == "LESS" and before in {"LESS", "GREATER"}:
+        if token.type in {"LESS", "GREATER"} and before in {"<", ">"}:
             return "expected a number or a name; a comparison is <, <=, > or >="
         return "expected a formula or a number; write an operand here"
     if token.type == "ASSIGN":
@@ -292,8 +296,6 @@ def _expected(token: Token, accepts: set[str], history: list[Token]) -> str:
         return "a formula has no equality, its robustness would never be positive; write abs(a - b) < tolerance"
     if token.type == "COLON" and "ASSIGN" in accepts:
         return "expected '='; a number is named by 'let name = expression', a formula by 'def name: formula'"
-    if {"LPAR", "NUMBER", "MINUS"} & accepts and "NAME" not in accepts:
-        return "a constant is a number or a vector of numbers, as 0.2 or (1.5, -2); name anything else with 'let'"
     if accepts & {"NUMBER", "NAME"} and not accepts & {"LPAR"}:
         return "expected a label or a number; write for instance [r] or [2]"
     missing = [
@@ -321,6 +323,8 @@ def _expected(token: Token, accepts: set[str], history: list[Token]) -> str:
         if token.type in {"PLUS", "STAR", "SLASH", "POWER", "DOT"}:
             return f"expected a logical operator{marks}; arithmetic works on numbers only"
         return f"expected an operator{marks} or the end; delete it or close what was opened"
+    if token.type == "RPAR" and accepts == {"COMMA"}:
+        return "expected ','; a vector has two numbers or more, and one number stands without parentheses"
     if missing:
         return f"expected {' or '.join(repr(mark) for _, mark in missing)}; write it here"
     if "SPEC" in accepts:
@@ -328,7 +332,11 @@ def _expected(token: Token, accepts: set[str], history: list[Token]) -> str:
             "expected a declaration (signal, const, let, def) or the formula, 'spec: ...'; "
             "add the line that begins with 'spec:'"
         )
-    return "expected the end of the text; delete the rest"
+    if token.type == "SPEC":
+        return "expected the end of the text; a spec has one formula: join the two with &"
+    if token.type in {"RPAR", "RSQB"}:
+        return "expected an operator or the end; nothing is open here: delete it"
+    return "expected an operator or the end; delete it or join the two parts with an operator"
 
 
 def _renamed(token: Token) -> str:

@@ -2,6 +2,7 @@
 told."""
 
 import math
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
@@ -10,6 +11,7 @@ from typing import Any
 from tltlrl.spec import syntax
 from tltlrl.spec.errors import Source, Span, SpecError, did_you_mean
 from tltlrl.spec.graph import Graph
+from tltlrl.spec.shortcut import at_start
 from tltlrl.spec.syntax import Node
 
 Value = float | tuple[float, ...]
@@ -31,11 +33,6 @@ FUNCTIONS = {
 }
 _ONE_SCALAR = {"abs": "absolute", "sqrt": "sqrt", "exp": "exp", "sin": "sin", "cos": "cos"}
 _ARITHMETIC = {"+": "add", "-": "subtract", "*": "multiply", "/": "divide", "**": "power"}
-_UNDEFINED = {
-    "/": "a division by zero",
-    "**": "a power without a finite value",
-    "sqrt": "the root of a negative",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,13 +63,14 @@ class Region:
     """A ball or box of constant size and place that a formula speaks of, for pictures of the workspace.
 
     `name` is the named sub-formula that holds it (None in the spec's own line), `signal` the vector signal
-    it is about (None when it is about an expression). A ball has `centre` and `radius`, a box `lower` and
-    `upper`.
+    it is about (None when it is about an expression), `inside` whether the predicate holds inside (outside in
+    distance(...) > radius). A ball has `centre` and `radius`, a box `lower` and `upper`.
     """
 
     name: str | None
     kind: str
     signal: str | None
+    inside: bool
     centre: tuple[float, ...] | None = None
     radius: float | None = None
     lower: tuple[float, ...] | None = None
@@ -86,6 +84,7 @@ class Meaning:
     document: syntax.Document  # with the effective constants
     graph: Graph
     root: int
+    start: int  # a node of the same value at the first sample
     signals: dict[str, int | None]
     signal_spans: dict[str, Span]
     constants: dict[str, Value | dict[str, Value]]
@@ -131,19 +130,25 @@ class _Resolver:
         for d in document.declarations:
             first = self.declared.get(d.name)
             if d.name in FUNCTIONS:
-                raise self.error(d, f"'{d.name}' is a function of the language; choose another name")
+                raise self.error(d, f"'{d.name}' is a function of the language; expected a new name; choose another")
             if first is not None and not (isinstance(d, syntax.Constant) and isinstance(first, syntax.Constant)):
-                raise self.error(d, f"'{d.name}' is declared twice, first on line {first.span.line}; rename one")
+                raise self.error(
+                    d, f"'{d.name}' is declared twice, first on line {first.span.line}; expected once; rename one"
+                )
             if isinstance(d, syntax.Constant):
                 if first is not None and (d.label is None or d.name not in labels or d.label in labels[d.name]):
                     what = d.name if d.label is None else f"{d.name}[{d.label}]"
-                    raise self.error(d, f"'{what}' is declared twice, first on line {first.span.line}; delete one")
+                    raise self.error(
+                        d, f"'{what}' is declared twice, first on line {first.span.line}; expected once; delete one"
+                    )
                 if d.label is not None:
                     labels.setdefault(d.name, []).append(d.label)
                 if not all(map(math.isfinite, d.value if isinstance(d.value, tuple) else (d.value,))):
-                    raise self.error(d, f"the value of '{d.name}' is too large for a float; write a finite number")
+                    raise self.error(
+                        d, f"the value of '{d.name}' is too large for a float; expected a finite number; write one"
+                    )
             if isinstance(d, syntax.Signal) and d.dimension is not None and d.dimension < 1:
-                raise self.error(d, "a vector's dimension is a whole number from 1 on; write for instance ee[2]")
+                raise self.error(d, "found no dimension; expected a whole number from 1 on; write for instance ee[2]")
             if isinstance(d, syntax.Definition) and d.variable:
                 labels[d.name] = list(d.labels)
             self.declared.setdefault(d.name, d)
@@ -160,9 +165,12 @@ class _Resolver:
     def _check_binding(self, span: Span, variable: str, labels: tuple[str, ...]) -> None:
         if len(set(labels)) < len(labels):
             twice = next(label for label in labels if labels.count(label) > 1)
-            raise self.error(span, f"the label '{twice}' is listed twice; delete one")
+            raise self.error(span, f"the label '{twice}' is listed twice; expected once; delete one")
         if variable in self.declared or variable in labels or variable in FUNCTIONS:
-            raise self.error(span, f"the variable '{variable}' is also another name here; choose another variable")
+            raise self.error(
+                span,
+                f"the variable '{variable}' has another meaning here; expected a new name; choose another variable",
+            )
 
     def _infer_signals(self, formula: Node) -> None:
         """In a bare formula every free name is a signal: a vector where it meets one, else a scalar."""
@@ -199,7 +207,8 @@ class _Resolver:
                 span = own[0].span if own else document.span
                 raise self.error(
                     span,
-                    f"an override gives the constant '{name}', which this spec lacks; {did_you_mean(name, names)}",
+                    f"an override gives the constant '{name}', which this spec lacks; expected one of "
+                    f"its own; {did_you_mean(name, names)}",
                 )
         for name, given in overrides.items():
             d = next(d for d in own if d.name == name)
@@ -209,13 +218,13 @@ class _Resolver:
                     raise self.error(
                         d,
                         f"'{name}' is a family of constants, and its override is {given!r}; "
-                        f"expected a mapping, such as {{'{first}': {syntax.value_text(d.value)}}}",
+                        f"expected a mapping, such as {{'{first}': {syntax.value_text(d.value)}}}; write one",
                     )
                 for label in given:
                     if str(label) not in self.families[name]:
                         raise self.error(
                             d,
-                            f"an override gives '{name}[{label}]', which this spec lacks; "
+                            f"an override gives '{name}[{label}]', which this spec lacks; expected one of its own; "
                             f"{did_you_mean(str(label), self.families[name])}",
                         )
         constants: dict[str, Value | dict[str, Value]] = {}
@@ -249,7 +258,8 @@ class _Resolver:
         if not fits:
             raise self.error(
                 d,
-                f"the override of '{what}' is {given!r}; expected {expected}, all finite, as the spec's own value",
+                f"the override of '{what}' is {given!r}; expected {expected}, finite, as the spec's own "
+                f"value; correct the override",
             )
         return value
 
@@ -283,21 +293,22 @@ class _Resolver:
         self.within = None
         root = self.truth(self.document.formula, {}).node
         order = [
-            (title, result.node, d)
+            (title, label, result.node, d)
             for name, d in definitions.items()
             for label in d.labels or (None,)
             if isinstance(result := self.results[name, label], Truth)
             for title in [_title(name, label)]
         ]
-        titles: list[str | None] = [title for title, _, _ in order] + [None]
+        titles: list[str | None] = [title for title, *_ in order] + [None]
         return Meaning(
             self.document,
             self.graph,
             root,
+            at_start(self.graph, root),
             self.signals,
             self.signal_spans,
             self.constants,
-            {title: (node, str(d.body)) for title, node, d in order},
+            {title: (node, _with_labels(d.body, {d.variable: label})) for title, label, node, d in order},
             self.predicates,
             self.places,
             tuple(dict.fromkeys(r for title in titles for r in self.regions if r.name == title)),
@@ -357,7 +368,11 @@ class _Resolver:
         if result is not None:
             return result
         if node.name in scope:
-            raise self.error(node, f"'{node.name}' is a label; it can only stand in brackets, as in goal[{node.name}]")
+            raise self.error(
+                node,
+                f"'{node.name}' is a label; expected a number; a label can only stand in brackets, as "
+                f"in goal[{node.name}]",
+            )
         if node.name in FUNCTIONS:
             raise self.error(node, f"'{node.name}' is a function; expected its arguments; write {node.name}(...)")
         known = [*self.declared, *FUNCTIONS]
@@ -410,7 +425,7 @@ class _Resolver:
                 return self._component(node, scope)
             case syntax.Number(value):
                 if not math.isfinite(value):
-                    raise self.error(node, "this number is too large for a float; write a finite one")
+                    raise self.error(node, "this number is too large for a float; expected a finite one; write one")
                 return self._number(value)
             case syntax.Vector(items):
                 return Quantity(tuple(self.scalar(item, scope) for item in items), len(items))
@@ -484,6 +499,9 @@ class _Resolver:
                 )
             if left.dimension is not None and node.operator == "**":
                 raise self.error(node.left, f"found {_shape(left)}; expected a scalar before **; use norm(...)")
+        divisor = self.graph.ops[right.components[0]]
+        if node.operator == "/" and divisor.name == "constant" and divisor.data == (0.0,):
+            raise self.error(node.right, f"'{node.right}' is zero; expected a divisor other than zero; correct it")
         dimension = left.dimension if left.dimension is not None else right.dimension
         lefts = left.components * (dimension or 1) if left.dimension is None else left.components
         rights = right.components * (dimension or 1) if right.dimension is None else right.components
@@ -500,7 +518,8 @@ class _Resolver:
             plural = "s" * (fewest > 1)
             raise self.error(
                 node,
-                f"'{name}' got {len(arguments)} arguments; expected {fewest} argument{plural}; add or delete some",
+                f"'{name}' got {len(arguments)} argument{'s' * (len(arguments) != 1)}; "
+                f"expected {fewest} argument{plural}; add or delete some",
             )
         match name:
             case "ball" | "box":
@@ -533,12 +552,13 @@ class _Resolver:
     def _is_fixed(self, value: Quantity) -> bool:
         return all(self.graph.ops[c].name == "constant" for c in value.components)
 
-    def _fixed(self, node: Node, value: Quantity) -> tuple[float, ...]:
+    def _fixed(self, node: Node, value: Quantity, what: str = "region") -> tuple[float, ...]:
         """The numbers of a quantity that holds no signal."""
         if not self._is_fixed(value):
             raise self.error(
                 node,
-                "found a signal; expected constants, a region keeps its place; for a moving one use distance(...)",
+                f"found a signal; expected constants, a {what} is the same at all times; "
+                + ("for a moving one use distance(...)" if what == "region" else "write numbers or constants"),
             )
         return tuple(self.graph.constant(c) for c in value.components)
 
@@ -554,9 +574,9 @@ class _Resolver:
             if size <= 0:
                 raise self.error(radius_node, f"the radius is {size:g}; expected a positive number; correct it")
             far = self._distance(node, scope, (point, centre_node))
-            number = self._predicate(node, self.fold(node, "subtract", radius.components[0], far))
+            number = self._predicate(node, self.fold(node, "subtract", radius.components[0], far), scope)
             if values[0].dimension is not None:
-                self._remember(point, "ball", centre=centre, radius=size)
+                self._remember(point, "ball", True, centre=centre, radius=size)
             return number
         x, low, high = self.same((point, *rest), scope, "a box and its points lie in one space")
         lower, upper = self._fixed(rest[0], low), self._fixed(rest[1], high)
@@ -573,12 +593,12 @@ class _Resolver:
             for pair in ((c, a), (b, c))
         ]
         if x.dimension is not None:
-            self._remember(point, "box", lower=lower, upper=upper)
-        return self._predicate(node, self.fold(node, "minimum", *faces))
+            self._remember(point, "box", True, lower=lower, upper=upper)
+        return self._predicate(node, self.fold(node, "minimum", *faces), scope)
 
-    def _remember(self, point: Node, kind: str, **shape: Any) -> None:
+    def _remember(self, point: Node, kind: str, inside: bool, **shape: Any) -> None:
         signal = point.name if isinstance(point, syntax.Name) and point.name in self.signals else None
-        self.regions.append(Region(self.within, kind, signal, **shape))
+        self.regions.append(Region(self.within, kind, signal, inside, **shape))
 
     # Formulas
 
@@ -588,10 +608,10 @@ class _Resolver:
             raise self.error(node, f"found {_shape(result)}; expected a formula; compare it, as in {node} < 1")
         return result
 
-    def _predicate(self, node: Node, number: int) -> int:
+    def _predicate(self, node: Node, number: int, scope: Mapping[str, str]) -> int:
         if self.graph.ops[number].name == "constant":
             raise self.error(node, f"'{node}' holds no signal, its value never changes; expected a signal; correct it")
-        self.predicates.setdefault(number, Predicate(str(node), node.span))
+        self.predicates.setdefault(number, Predicate(_with_labels(node, scope), node.span))
         return number
 
     def _comparison(self, node: syntax.Comparison, scope: Mapping[str, str]) -> int:
@@ -604,11 +624,12 @@ class _Resolver:
                 (operator,),
                 span=node.operands[i].span.to(node.operands[i + 1].span),
             )
-            links.append(self._predicate(link, self.fold(link, "subtract", values[large], values[small])))
+            links.append(self._predicate(link, self.fold(link, "subtract", values[large], values[small]), scope))
             for near, far in ((small, large), (large, small)):
                 if values[near] in self.distances and self.graph.ops[values[far]].name == "constant":
                     point, centre = self.distances[values[near]]
-                    self._remember(point, "ball", centre=centre, radius=self.graph.constant(values[far]))
+                    radius = self.graph.constant(values[far])
+                    self._remember(point, "ball", near == small, centre=centre, radius=radius)
         return self.graph.add("minimum", *links)
 
     def _formula(self, node: Node, scope: Mapping[str, str]) -> int:
@@ -650,7 +671,10 @@ class _Resolver:
             case syntax.ForEach(quantifier, variable, labels, body):
                 self._check_binding(node.span, variable, labels)
                 if variable in scope:
-                    raise self.error(node, f"the variable '{variable}' is already bound around this; choose another")
+                    raise self.error(
+                        node,
+                        f"the variable '{variable}' is already bound around this; expected a new name; choose another",
+                    )
                 bodies = [self.truth(body, {**scope, variable: label}).node for label in labels]
                 return add("minimum" if quantifier == "all" else "maximum", *bodies)
             case _:
@@ -685,13 +709,19 @@ class _Resolver:
         return lower, upper
 
     def _bound(self, node: Node, scope: Mapping[str, str]) -> int:
-        (value,) = self._fixed(node, Quantity((self.scalar(node, scope),)))
+        (value,) = self._fixed(node, Quantity((self.scalar(node, scope),)), "bound")
         if value < 0 or not value.is_integer():
             raise self.error(
                 node,
                 f"the bound is {value:g}; expected a whole number of steps from 0 on; time is counted in samples",
             )
         return int(value)
+
+
+def _with_labels(node: Node, scope: Mapping[str | None, str | None] | Mapping[str, str]) -> str:
+    """The text of a tree with the variables of families and quantifiers replaced by their labels."""
+    labels: Mapping[Any, Any] = scope
+    return re.sub(r"\[(\w+)\]", lambda m: f"[{labels.get(m[1], m[1])}]", str(node))
 
 
 def _title(name: str, label: str | None) -> str:

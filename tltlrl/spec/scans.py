@@ -31,10 +31,11 @@ def reduced(fold: Fold, x: Array) -> Array:
     return column
 
 
-def suffixes(fold: Fold, x: Array) -> Array:
+def suffixes(fold: Fold, x: Array, out: Array | None = None) -> Array:
     """Column t of the result is the fold over columns t, t+1, ... of x."""
-    backwards: Array = fold.accumulate(x[:, ::-1], axis=1)
-    return backwards[:, ::-1]
+    out = np.empty_like(x) if out is None else out
+    fold.accumulate(x[:, ::-1], axis=1, out=out[:, ::-1])
+    return out
 
 
 def _beside(fold: Fold, x: Array, other: Array, span: int) -> Array:
@@ -55,7 +56,7 @@ def windows(fold: Fold, x: Array, size: int) -> Array:
     width = x.shape[1] - size + 1
     if width == 1:
         return reduced(fold, x)
-    x = np.ascontiguousarray(x)
+    x = np.array(x, order="C")
     if size <= _NARROW:
         # Two windows of length 2^k, one at each end, cover the whole.
         span = 1
@@ -74,18 +75,12 @@ def windows(fold: Fold, x: Array, size: int) -> Array:
     return joined
 
 
-def until_first(p: Array, q: Array) -> Array:
-    """p U q on the whole, one column: max over t' of min(q_t', p_0, ..., p_{t'-1}). p lacks the last
-    column."""
-    held = np.minimum(np.minimum.accumulate(p, axis=1), q[:, 1:])
-    return np.maximum(reduced(np.maximum, held), q[:, :1])
-
-
 def until(p: Array, q: Array) -> Array:
     """p U q on every suffix, (N, T), from p without its last column and q.
 
-    y_t = max(q_t, min(p_t, y_{t+1})), and w such steps at once are y_t = max(b_t, min(a_t, y_{t+w})). By doubling,
-    a and b are made for a w of about sqrt(T), at most 256; with these the steps are taken w at a time from the end.
+    y_t = max(q_t, min(p_t, y_{t+1})), and w such steps at once are y_t = max(b_t, min(a_t, y_{t+w})). By
+    doubling, a and b are made for a w of about sqrt(T), at most 256; with these the steps are taken w at a
+    time from the end.
     """
     steps = q.shape[1]
     a, y, w = padded(p, steps, -np.inf), np.array(q), 1

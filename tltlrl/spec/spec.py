@@ -116,10 +116,10 @@ class Spec:
         own unit."""
         batch = _Batch(self._meaning, self._source, signals, lengths)
         out = np.empty(batch.count)
-        root = self._meaning.root
+        root, start = self._meaning.root, self._meaning.start
         if batch.offset is None:
             for rows, block in batch.blocks():
-                out[rows] = self._run(batch, rows, block, (root,), True)[root][:, 0]
+                out[rows] = self._run(batch, rows, block, (start,), True)[start][:, 0]
         else:
             for rows, block in batch.blocks():
                 values = self._run(batch, rows, block, (root,), False)[root]
@@ -152,7 +152,7 @@ class Spec:
         return tuple(explain(self._meaning, self._source.name, batch.single(row)) for row in range(batch.count))
 
     def _make_plan(self, roots: tuple[int, ...], end: int, first: bool) -> Plan:
-        return plan(self._meaning.graph, dict.fromkeys(roots, (0, 1) if first else (0, end)), end)
+        return plan(self._meaning.graph, dict.fromkeys(roots, (0, 1) if first else (0, end)), end, block=BLOCK)
 
     def _run(
         self, batch: "_Batch", rows: slice, block: Signals, roots: tuple[int, ...], first: bool
@@ -264,8 +264,9 @@ class _Batch:
             self.offset = self.steps - given.astype(np.intp)
 
     def _check_finite(self, name: str, array: Array) -> None:
-        if np.isfinite(array).all():
-            return
+        with np.errstate(over="ignore", invalid="ignore"):
+            if np.isfinite(np.add.reduce(array, axis=None)):  # faster than asking each, and never wrong
+                return
         finite = np.asarray(np.isfinite(array.reshape(self.count, self.width, -1)).all(axis=2))
         if self.offset is None:
             finite[:, self.steps :] = True
@@ -316,12 +317,14 @@ class _Batch:
         row += rows.start
         if self.offset is not None:
             step = max(0, step - int(self.offset[row]))
-        place = self.meaning.places[node]
+        # A squared distance (tltlrl.spec.shortcut) stands in the place of the distance.
+        op = ready.graph.ops[node]
+        place = self.meaning.places[ready.graph.add("norm", *op.args) if op.name == "squares" else node]
         problem = {
             "divide": "division by zero or overflow",
             "sqrt": "the square root of a negative number",
             "power": "a power without a finite value",
-        }.get(ready.graph.ops[node].name, "a number too large for a float")
+        }.get(op.name, "a number too large for a float")
         return TraceError(
             self.source,
             place.span,

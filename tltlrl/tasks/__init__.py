@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-with warnings.catch_warnings():
-    # On a machine without a display dm_control tries GLFW, which warns, before EGL and OSMesa.
-    warnings.filterwarnings("ignore", module="glfw")
-    import dm_control.mujoco  # noqa: F401
+from tltlrl.headless import choose_renderer
+
+choose_renderer()  # before anything imports dm_control; hence the imports below
 
 from dm_control.rl import control
 

@@ -117,6 +117,7 @@ class PlanarArm(Task):
         Quantity("end_effector_x", "m"),
         Quantity("end_effector_y", "m"),
     )
+    camera = "above"
     action = tuple(Quantity(f"speed_{i}", "rad/s") for i in (1, 2, 3))
 
     def __init__(

@@ -50,12 +50,14 @@ class Task(control.Task, abc.ABC):  # type: ignore[misc]  # dm_control has no ty
       rewards: hand-made rewards per step by name; each maps signals of shape (N, T) or (N, T, d) to (N, T),
         where the value at t depends on the samples up to t.
       environment_reward: the one of `rewards` that `dm_env` users get.
+      camera: of the model, for pictures.
     """
 
     name: str
     observation: tuple[Quantity, ...]
     action: tuple[Quantity, ...]
     environment_reward = "discrete"
+    camera: str
 
     def __init__(
         self,

@@ -1,0 +1,119 @@
+"""`tltl check`, through its parser and its function."""
+
+import argparse
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tltlrl.check import add_parser, check
+from tltlrl.errors import UserError
+from tltlrl.spec import SpecError, TraceError
+
+SPECS = Path(__file__).parents[1] / "specs"
+
+
+@pytest.fixture
+def trace(tmp_path):
+    """The end-effector goes straight from (1, 1.5) to the goal, between the obstacles, and overshoots a little."""
+
+    def write(header="t,ee.x,ee.y", offset=0.0):
+        path = tmp_path / "trace.csv"
+        x = np.concatenate((np.linspace(1, -1.2, 40), np.full(20, -1.2 + offset)))
+        y = np.concatenate((np.linspace(1.3, 1.4, 40), np.full(20, 1.4)))
+        rows = [f"{t},{a},{b}" for t, (a, b) in enumerate(zip(x, y, strict=True))]
+        path.write_text("\n".join([header, *rows, ""]), encoding="utf-8")
+        return path
+
+    return write
+
+
+def tltl(*arguments):
+    parser = argparse.ArgumentParser(prog="tltl")
+    add_parser(parser.add_subparsers(required=True))
+    parsed = parser.parse_args(["check", *map(str, arguments)])
+    return parsed.command(parsed)
+
+
+def test_without_a_trace(capsys):
+    assert tltl(SPECS / "reach_avoid.tltl") == 0
+    assert capsys.readouterr().out == (
+        f"spec         {SPECS / 'reach_avoid.tltl'}\n"
+        "formula      F G at_goal & G safe\n"
+        "named        at_goal: d_g < goal_radius\n"
+        "             safe: all i in 1, 2: d_o[i] > obstacle_radius[i]\n"
+        "signals      ee, vector of 2: columns ee.x, ee.y\n"
+        "constants    goal = (-1.2, 1.4)\n"
+        "             goal_radius = 0.2\n"
+        "             obstacle = {1: (0.3, 2), 2: (-0.6, 0.6)}\n"
+        "             obstacle_radius = {1: 0.5, 2: 0.4}\n"
+        "horizon      the whole trajectory\n"
+    )
+
+
+@pytest.mark.parametrize("header", ["t,ee.x,ee.y", "t,ee[0],ee[1]", "time , ee.x , ee.y "])
+def test_a_satisfied_trace(header, trace, capsys):
+    assert tltl(SPECS / "reach_avoid.tltl", trace(header)) == 0
+    out = capsys.readouterr().out
+    assert "robustness   +0.167" in out
+    assert "verdict      satisfied" in out
+    assert "by d_o[1] > obstacle_radius[1] in safe, margin +0.167" in out
+
+
+def test_a_violated_trace_is_a_result(trace, capsys):
+    assert tltl(SPECS / "reach_avoid.tltl", trace(offset=0.25)) == 1
+    out = capsys.readouterr().out
+    assert "robustness   -0.05\n" in out
+    assert "verdict      violated\n" in out
+    assert "by d_g < goal_radius in at_goal, margin -0.05 (" in out
+    assert "at step 0" in out
+
+
+def test_constants_are_set(trace, capsys):
+    assert tltl(SPECS / "reach_avoid.tltl", trace(offset=0.25), "--set", "goal_radius=0.3") == 0
+    assert tltl(SPECS / "visit_in_order.tltl", "--set", "goal.r=[1,2]", "--set", "goal.g=[3,4]") == 0
+    assert "goal = {r: (1, 2), g: (3, 4), b: (1.6, 0.6)}" in capsys.readouterr().out
+    with pytest.raises(UserError, match="not a number or a list"):
+        tltl(SPECS / "reach_avoid.tltl", "--set", "goal_radius=wide")
+    with pytest.raises(SpecError, match="did you mean 'goal_radius'"):
+        tltl(SPECS / "reach_avoid.tltl", "--set", "goal_radus=1")
+
+
+@pytest.mark.parametrize("name", ["picture.png", "picture.pdf"])
+def test_a_picture(name, trace, tmp_path, capsys):
+    assert tltl(SPECS / "reach_avoid.tltl", trace(), "--plot", tmp_path / name) == 0
+    assert (tmp_path / name).stat().st_size > 5000
+    assert f"picture      {tmp_path / name}" in capsys.readouterr().out
+    with pytest.raises(UserError, match="cannot be saved"):
+        tltl(SPECS / "reach_avoid.tltl", trace(), "--plot", tmp_path / "picture.doc")
+    with pytest.raises(UserError, match="--plot draws a trace"):
+        tltl(SPECS / "reach_avoid.tltl", "--plot", tmp_path / "a.png")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", r"trace.csv:1:1: the file is empty; expected a row of column names"),
+        ("x\n", r"trace.csv:2:1: there are no samples"),
+        ("y\n1\n", r"trace.csv:1:1: there is no column x; there are: y"),
+        ("x\n1\na\n", r"trace.csv:3:1: x is 'a'; expected a number"),
+        ("y,x\n1,2\n1\n", r"trace.csv:3:2: x is ''; expected a number"),
+    ],
+)
+def test_a_wrong_trace(text, message, tmp_path):
+    (tmp_path / "task.tltl").write_text("F G x < 1")
+    (tmp_path / "trace.csv").write_text(text)
+    with pytest.raises(UserError, match=message):
+        check(tmp_path / "task.tltl", tmp_path / "trace.csv", out=io.StringIO())
+
+
+def test_what_is_not_there_and_what_is_not_finite(tmp_path):
+    with pytest.raises(UserError, match=r"none.tltl: the spec cannot be read: No such file"):
+        check(tmp_path / "none.tltl")
+    (tmp_path / "task.tltl").write_text("F G x < 1")
+    with pytest.raises(UserError, match=r"none.csv: the trace cannot be read"):
+        check(tmp_path / "task.tltl", tmp_path / "none.csv", out=io.StringIO())
+    (tmp_path / "trace.csv").write_text("x\n1\nnan\n")
+    with pytest.raises(TraceError, match="signal 'x' is nan at trajectory 0, step 1"):
+        check(tmp_path / "task.tltl", tmp_path / "trace.csv", out=io.StringIO())

@@ -1,0 +1,53 @@
+"""An equal but cheaper graph for the value at the first sample alone.
+
+There a G or F is one reduction over time, and reductions may change places with monotone operations: G (p & q) is
+G p & G q, the minimum of distance - radius over time is the smallest distance - radius, and the smallest distance
+is the root of the smallest squared one. Rounding is monotone too, so the values are the same to the last bit.
+"""
+
+from tltlrl.spec.graph import Graph
+
+_DUAL = {"always": "eventually", "eventually": "always"}
+_OWN = {"always": "minimum", "eventually": "maximum"}
+_DEEPEST = 50  # operations that a reduction is moved through
+
+
+def at_start(graph: Graph, root: int) -> int:
+    """The number of a node whose value at the first sample is that of `root`."""
+    nodes = graph.below([root])
+    reached = {root}
+    for node in reversed(nodes):
+        op = graph.ops[node]
+        if node in reached and op.name in {"minimum", "maximum", "negative"}:
+            reached.update(op.args)
+    equal: dict[int, int] = {}
+    for node in nodes:
+        op = graph.ops[node]
+        if node not in reached or graph.pointwise[node]:
+            equal[node] = node
+        elif op.name in {"minimum", "maximum", "negative"}:
+            equal[node] = graph.add(op.name, *(equal[arg] for arg in op.args))
+        elif op.name in _DUAL and op.data == (None,) and graph.pointwise[op.args[0]]:
+            equal[node] = _reduction(graph, op.name, op.args[0], _DEEPEST)
+        else:
+            equal[node] = node
+    return equal[root]
+
+
+def _reduction(graph: Graph, name: str, node: int, depth: int) -> int:
+    """G or F of a node, moved inwards through what is monotone."""
+    op = graph.ops[node]
+    constant = [graph.ops[arg].name == "constant" for arg in op.args]
+    if depth == 0:
+        return graph.add(name, node, data=(None,))
+    if op.name == "negative":
+        return graph.add("negative", _reduction(graph, _DUAL[name], op.args[0], depth - 1))
+    if op.name == _OWN[name]:
+        return graph.add(op.name, *(_reduction(graph, name, arg, depth - 1) for arg in op.args))
+    if op.name == "subtract" and constant[1]:
+        return graph.add("subtract", _reduction(graph, name, op.args[0], depth - 1), op.args[1])
+    if op.name == "subtract" and constant[0]:
+        return graph.add("subtract", op.args[0], _reduction(graph, _DUAL[name], op.args[1], depth - 1))
+    if op.name == "norm":
+        return graph.add("sqrt", graph.add(name, graph.add("squares", *op.args), data=(None,)))
+    return graph.add(name, node, data=(None,))
