@@ -189,6 +189,7 @@ class Toast(Task):
     """The toast-placing task."""
 
     environment_reward = "continuous"
+    camera = "front"
     observation = (
         *(Quantity(f"angle_{joint}", "rad") for joint in LINKS),
         *(Quantity(f"velocity_{joint}", "rad/s") for joint in LINKS),
@@ -267,6 +268,16 @@ class Toast(Task):
         fingers = np.outer(opened, [FINGER_TRAVEL, -FINGER_TRAVEL])
         features = self.features(np.concatenate([angles, fingers], axis=-1), speeds)
         return features, np.column_stack([speeds, gripper])
+
+    def bread_in_slot(self, qpos: Array, qvel: Array) -> NDArray[np.bool_]:
+        """Whether the slice rests in the slot in each state of the evaluation scene: (N, nq), (N, nv) => (N,)."""
+        physics = self.make_physics()
+        rests = np.empty(len(qpos), dtype=np.bool_)
+        for i in range(len(qpos)):
+            with physics.reset_context():
+                physics.data.qpos[:], physics.data.qvel[:] = qpos[i], qvel[i]
+            rests[i] = physics.bread_in_slot()
+        return rests
 
     def terminated(self, features: Array) -> NDArray[np.bool_]:
         """Touching the table ends an episode, judged by the end-effector's height alone."""
