@@ -10,7 +10,10 @@ import pytest
 from lxml import etree
 from scipy.spatial.transform import Rotation
 
+from tltlrl.errors import UserError
+from tltlrl.resources import spec_path
 from tltlrl.rollout import Simulator
+from tltlrl.spec import load_spec
 from tltlrl.tasks import toast
 from tltlrl.tasks.task import environment
 
@@ -253,7 +256,8 @@ def test_reference_starts_beside_the_toaster_and_ends_in_the_slot() -> None:
     np.testing.assert_allclose(positions[0], [0.60, -0.62, -0.10], atol=1e-3)
     np.testing.assert_allclose(positions[40], np.add(CONSTANTS["slot_centre"], [0, 0, 0.15]), atol=1e-3)
     np.testing.assert_allclose(positions[60:], np.tile(CONSTANTS["slot_centre"], (40, 1)), atol=1e-3)
-    assert np.all(np.abs(commands) <= task.command_scale)
+    assert np.all(np.abs(commands[:, :7]) <= task.command_scale[:7])
+    assert set(commands[:, 7]) == {-20.0, 120.0}
     assert not task.terminated(features).any()
 
 
@@ -304,11 +308,50 @@ def test_bread_rests_in_the_slot_if_released_there(opening_step: int, placed: bo
     task = make_task(solid=True, opening_step=opening_step, steps=90)
     features, commands = task.reference()
     gain = -8 * task.feedback
-    env = environment(task)
-    step = env.reset()
-    assert not env.physics.bread_in_slot()
-    for s, u in zip(features, commands, strict=True):
-        if step.last():
-            break
-        step = env.step(u + gain @ (flat(step) - s))
-    assert env.physics.bread_in_slot() == placed
+    batch = Simulator(task).rollout(gain, (commands - features @ gain.T)[None], np.zeros((1, 90, 8)))
+    assert task.bread_in_slot(batch.last_qpos, batch.last_qvel).tolist() == [placed]
+    start = [state[None] for state in task.initial_state()]
+    assert task.bread_in_slot(*start).tolist() == [False]
+
+
+def test_bread_is_held_by_friction_until_released() -> None:
+    task = make_task(solid=True, opening_step=1000, steps=60)
+    features, commands = task.reference()
+    gain = -8 * task.feedback
+    batch = Simulator(task).rollout(gain, (commands - features @ gain.T)[None], np.zeros((1, 60, 8)))
+    foot, hand = batch.last_qpos[0, 9:12], batch.features[0, -1, 14:17]
+    np.testing.assert_allclose(foot, hand - [0, 0, toast.BREAD_REACH], atol=0.006)
+    assert batch.features[0, 5:, 20].max() < 30  # closed, by the spec's delta_close, around a thick slice
+
+
+def test_both_scenes_move_the_arm_alike() -> None:
+    paths = []
+    for solid in (False, True):
+        task = make_task(solid=solid, steps=50)
+        features, commands = task.reference()
+        gain = -8 * task.feedback
+        batch = Simulator(task).rollout(gain, (commands - features @ gain.T)[None], np.zeros((1, 50, 8)))
+        paths.append(batch.features[0, :, 14:17])
+    np.testing.assert_allclose(paths[0], paths[1], atol=5e-3)
+
+
+def test_wrong_waypoints_are_told() -> None:
+    with pytest.raises(UserError, match="waypoint_steps"):
+        make_task(waypoint_steps=[0, 60, 40])
+    with pytest.raises(UserError, match="waypoint_steps"):
+        make_task(waypoint_steps=[0, 40])
+    with pytest.raises(UserError, match="joint angles"):
+        make_task(waypoints=[[0.0] * 6] * 3)
+    with pytest.raises(UserError, match="slot_centre"):
+        toast.toast_rewards(toast.ToastReward(), {})
+
+
+@pytest.mark.parametrize("opening_step", [52, 58, 1000])
+def test_rough_motion_violates_the_spec(opening_step: int) -> None:
+    task = make_task(opening_step=opening_step)
+    features, commands = task.reference()
+    gain = -8 * task.feedback
+    batch = Simulator(task).rollout(gain, (commands - features @ gain.T)[None], np.zeros((1, 100, 8)))
+    spec = load_spec(spec_path("toast.tltl"))
+    robustness = spec.robustness(task.signals(batch.features, batch.commands), batch.lengths)
+    assert -0.04 < robustness[0] < -0.001

@@ -84,11 +84,11 @@ RELEASE_ROTATION = np.diag([-1.0, 1.0, -1.0])  # gripper straight down, its fing
 
 # Evaluation scene.
 SOLID_TIMESTEP = 0.001  # s; contacts of a 35 g slice between stiff fingers need a finer step than the free arm
-BREAD_HALF_THICKNESS = 0.010  # m
+BREAD_HALF_THICKNESS = 0.012  # m
 FINGER_GAP = 0.008  # m, from the middle to each pad of the closed gripper
 BREAD_REACH = 0.09  # m, from the end-effector down to the foot of the slice it holds
 SLOT_DEPTH = 0.105  # m, from the toaster's top to the floor of the slot
-SLOT_HALF_SIZE = np.array([0.075, 0.02])  # m, x and y
+SLOT_HALF_SIZE = np.array([0.08, 0.025])  # m, x and y
 RESTING_HEIGHT = 0.02  # m, of the slice's foot above the slot's floor, at most
 RESTING_SPEED = 0.01  # m/s, of the slice, at most
 
@@ -108,6 +108,8 @@ class ToastConfig:
       waypoints: the start, above the slot, in the slot.
       waypoint_steps: sample at which each waypoint is passed; the first is 0.
       opening_step: first step at which the reference commands an open gripper.
+      grip: how far beyond 0 and 100 the reference commands the gripper. Commands are clipped at both, so a small noise
+        does not loosen the grip.
       command_noise: standard deviation of the noise on every command, as a share of its full size.
       solid: the evaluation scene, where the toaster is solid and the bread a body that the gripper holds by friction.
         Otherwise nothing collides, as in training.
@@ -124,6 +126,7 @@ class ToastConfig:
     )
     waypoint_steps: list[int] = field(default_factory=lambda: [0, 40, 60])
     opening_step: int = 52
+    grip: float = 20.0
     command_noise: float = 0.005
     solid: bool = False
 
@@ -186,6 +189,7 @@ class Toast(Task):
     """The toast-placing task."""
 
     environment_reward = "continuous"
+    camera = "front"
     observation = (
         *(Quantity(f"angle_{joint}", "rad") for joint in LINKS),
         *(Quantity(f"velocity_{joint}", "rad/s") for joint in LINKS),
@@ -259,10 +263,21 @@ class Toast(Task):
             axis=-1,
         )
         speeds = np.diff(angles, axis=0, append=angles[-1:]) / CONTROL_TIMESTEP
-        gripper = np.where(samples >= config.opening_step, GRIPPER_RANGE, 0.0)
-        fingers = np.outer(gripper / GRIPPER_RANGE, [FINGER_TRAVEL, -FINGER_TRAVEL])
+        opened = samples >= config.opening_step
+        gripper = np.where(opened, GRIPPER_RANGE + config.grip, -config.grip)
+        fingers = np.outer(opened, [FINGER_TRAVEL, -FINGER_TRAVEL])
         features = self.features(np.concatenate([angles, fingers], axis=-1), speeds)
         return features, np.column_stack([speeds, gripper])
+
+    def bread_in_slot(self, qpos: Array, qvel: Array) -> NDArray[np.bool_]:
+        """Whether the slice rests in the slot in each state of the evaluation scene: (N, nq), (N, nv) => (N,)."""
+        physics = self.make_physics()
+        rests = np.empty(len(qpos), dtype=np.bool_)
+        for i in range(len(qpos)):
+            with physics.reset_context():
+                physics.data.qpos[:], physics.data.qvel[:] = qpos[i], qvel[i]
+            rests[i] = physics.bread_in_slot()
+        return rests
 
     def terminated(self, features: Array) -> NDArray[np.bool_]:
         """Touching the table ends an episode, judged by the end-effector's height alone."""
