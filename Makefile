@@ -1,20 +1,35 @@
-# Two commands need nothing but Python >= 3.11 and make: `make reproduce-figures` and `make test`.
+# `make reproduce-figures` and `make test` need nothing but Python 3.11 or newer and make.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+RUNS := runs
+# Overrides for every experiment of reproduce-figures, for instance OVERRIDES='seeds=1 algorithm.iterations=5'.
+OVERRIDES :=
 
-.PHONY: test lint types reproduce-figures bench clean
+# Parallelism lies between runs; the small matrices within one gain nothing from threads of their own.
+export OMP_NUM_THREADS = 1
+export OPENBLAS_NUM_THREADS = 1
+
+.PHONY: help reproduce-figures test lint types bench clean
+
+help:
+	@grep -E '^## ' $(MAKEFILE_LIST) | sed 's/^## //'
 
 $(READY): pyproject.toml constraints.txt
-	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "tltlrl needs Python 3.11 or newer: make PYTHON=/path/to/python3.11 ...")'
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "tltlrl needs Python 3.11 or newer; say which: make PYTHON=python3.11 ...")'
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[dev]'
-	touch $@
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
+	@touch $@
 
-## test: lint, types, tests and a short run of each experiment through the real command
+## make reproduce-figures: figure 3.3 from runs at the case study's full budget, into runs/
+reproduce-figures: $(READY)
+	$(BIN)/tltl-run experiment=reach_avoid runs_dir=$(RUNS) $(OVERRIDES)
+	$(BIN)/tltl plot $(RUNS)/reach_avoid --output $(RUNS)/figure_3_3
+
+## make test: lint, types, tests, and a short run of each experiment through the real command
 test: lint types
-	$(BIN)/pytest
+	$(BIN)/python -m pytest
 
 lint: $(READY)
 	$(BIN)/ruff check .
@@ -23,5 +38,10 @@ lint: $(READY)
 types: $(READY)
 	$(BIN)/mypy
 
+## make bench: measured speeds beside their targets
+bench: $(READY)
+	$(BIN)/python -m benchmarks
+
+## make clean: remove the environment and the caches; results in runs/ stay
 clean:
-	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache
+	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis

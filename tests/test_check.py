@@ -33,7 +33,7 @@ def tltl(*arguments):
     parser = argparse.ArgumentParser(prog="tltl")
     add_parser(parser.add_subparsers(required=True))
     parsed = parser.parse_args(["check", *map(str, arguments)])
-    return parsed.run(parsed)
+    return parsed.command(parsed)
 
 
 def test_without_a_trace(capsys):

@@ -12,8 +12,6 @@ from pathlib import Path
 
 import pytest
 
-from tltlrl import cli
-
 SMALL = (
     "experiment=reach_avoid",
     "name=small",
@@ -73,7 +71,8 @@ def test_learning_curves_have_the_promised_columns_and_rows(undisturbed):
     with open(undisturbed / "learning_curves.csv", newline="") as file:
         rows = list(csv.DictReader(file))
     promised = """task case reward algorithm seed iteration episodes env_steps return_mean robustness_mean
-        robustness_std robustness_min robustness_max robustness_policy satisfied_fraction eta kl effective_sample_size entropy"""
+        robustness_std robustness_min robustness_max robustness_policy satisfied_fraction eta kl effective_sample_size
+        entropy"""
     assert set(promised.split()) <= set(rows[0])
     assert [(r["case"], int(r["seed"]), int(r["iteration"])) for r in rows] == [
         (case, seed, i) for case in CASES for seed in (0, 1) for i in range(3)
@@ -172,8 +171,25 @@ def test_overwrite_starts_again(tmp_path):
     assert [p.name for p in (tmp_path / "runs" / "small" / "tltl_episodic").iterdir()] == ["seed_1"]
 
 
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_run_that_fails_is_told_the_others_go_on_and_the_exit_code_is_1(tmp_path, workers):
+    """The root has no value below a height that some seeds' first samples reach and others' do not."""
+    (tmp_path / "root.tltl").write_text("signal ee[2]\nconst low = 1.9\nspec: F G (sqrt(ee.y - low) > 0.3)\n")
+    settings = ("spec=root.tltl", "cases=[tltl_episodic]", "seeds=6", "algorithm.iterations=1", "task.steps=8")
+    code, _, errors = run(tmp_path, *SMALL, *settings, f"workers={workers}")
+    failed, finished = errors.count("FAILED: TraceError"), errors.count(" finished\n")
+    assert code == 1, errors
+    assert failed + finished == 6
+    assert failed > 0
+    assert finished > 0
+    assert "Traceback" not in errors
+    page = (tmp_path / "runs/small/summary.md").read_text()
+    assert page.count("- tltl_episodic/seed_") == failed
+    assert len((tmp_path / "runs/small/summary.csv").read_text().splitlines()) == 1 + finished
+
+
 MISTAKES = {
-    (): "tltl-run: say which experiment: experiment=NAME, one of: reach_avoid",
+    (): "tltl-run: say which experiment: experiment=NAME, one of: reach_avoid, toast, visit_in_order",
     ("experiment=reach_avoyd",): (
         "tltl-run: experiment=reach_avoyd: there is no such experiment; did you mean reach_avoid?"
     ),
@@ -213,19 +229,38 @@ MISTAKES = {
         "quotes: key='\"a b\"'"
     ),
     ("experiment=reach_avoid", "workers=0"): "tltl-run: workers: 0 is too small; it must be at least 1",
-    ("experiment=reach_avoid", "task=planar"): "tltl-run: task=planar: there is no such task; there are: reach_avoid",
+    ("experiment=reach_avoid", "task=planar"): (
+        "tltl-run: task=planar: there is no such task; there are: reach_avoid, toast, visit_in_order"
+    ),
     ("experiment=reach_avoid", "name=a/b"): "tltl-run: name: 'a/b' cannot be a folder's name",
 }  # fmt: skip
 
 
+@pytest.fixture(scope="module")
+def told(tmp_path_factory):
+    """What the command says to each mistake, all in one process: (exit code, stdout, stderr, files written)."""
+    folder = tmp_path_factory.mktemp("mistakes")
+    code = """
+import contextlib, io, json, os, sys
+from tltlrl.cli import run
+results = []
+for arguments in json.loads(sys.stdin.read()):
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = run(arguments)
+    results.append((code, out.getvalue(), err.getvalue(), os.listdir()))
+print(json.dumps(results))
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=folder, input=json.dumps(list(MISTAKES)), capture_output=True, text=True,
+        timeout=300, check=True,
+    )  # fmt: skip
+    return dict(zip(MISTAKES, json.loads(done.stdout), strict=True))
+
+
 @pytest.mark.parametrize("arguments", MISTAKES, ids=" ".join)
-def test_a_mistake_is_one_message_exit_code_2_and_nothing_written(tmp_path, monkeypatch, capsys, arguments):
-    monkeypatch.chdir(tmp_path)
-    code = cli.run(list(arguments))
-    printed = capsys.readouterr()
-    assert (code, printed.out) == (2, "")
-    assert printed.err.strip() == MISTAKES[arguments]
-    assert list(tmp_path.iterdir()) == []
+def test_a_mistake_is_one_message_exit_code_2_and_nothing_written(told, arguments):
+    assert told[arguments] == [2, "", MISTAKES[arguments] + "\n", []]
 
 
 def test_a_mistake_through_the_real_command(tmp_path):
@@ -238,7 +273,7 @@ def test_a_mistake_through_the_real_command(tmp_path):
 def test_help_is_for_people_who_do_not_know_hydra(tmp_path):
     code, output, _ = run(tmp_path, "--help")
     assert code == 0
-    for line in ("Examples", "Experiments: reach_avoid", "samples: 20", "Exit codes:"):
+    for line in ("Examples", "Experiments: reach_avoid, toast, visit_in_order", "samples: 20", "Exit codes:"):
         assert line in output
     assert max(len(line) for line in output.splitlines()) <= 100
     assert list(tmp_path.iterdir()) == []

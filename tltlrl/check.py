@@ -27,7 +27,7 @@ signal's components are ee.x, ee.y, ee.z or ee[0], ee[1], ...; other columns are
 
 
 def add_parser(subparsers: Any) -> None:
-    """Add the sub-command `check` to a parser's sub-commands; `run(arguments)` of its result does the work."""
+    """Add the sub-command `check` to a parser's sub-commands; `command(arguments)` of its result does the work."""
     parser: ArgumentParser = subparsers.add_parser(
         "check",
         help="check a spec and, with a trace, print robustness, verdict and explanation",
@@ -45,7 +45,7 @@ def add_parser(subparsers: Any) -> None:
         help="override a constant: goal_radius=0.3, goal=[1,2], goal.r=[1,2]; may be repeated",
     )
     parser.add_argument("--plot", metavar="FILE", help="draw signals and sub-formulas over time (.png, .pdf, .svg)")
-    parser.set_defaults(run=run)
+    parser.set_defaults(command=run)
 
 
 def run(arguments: Namespace) -> int:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import re
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
+from tltlrl import check
 from tltlrl.errors import UserError, nearest
 from tltlrl.resources import CONFIGS, SPECS
 from tltlrl.spec import SpecError, TraceError
@@ -23,8 +26,8 @@ Examples
   tltl-run experiment=reach_avoid name=small seeds=[7] algorithm.samples=30 reward.goal=3
 
 Any key of the config below can be set as key=value; a list is written [1,2,3], without spaces.
-Constants of the spec are set with constants.NAME=value. The results go to <runs_dir>/<name>; the same
-command again finishes what is missing there. Ctrl-C keeps what is done.
+Constants of the spec are set with constants.NAME=value. The results go to <runs_dir>/<name>;
+the same command again finishes what is missing there. Ctrl-C keeps what is done.
 
 Experiments: {experiments}
 Specs that come with tltlrl: {specs}
@@ -37,7 +40,7 @@ Options
   --config-dir DIR   look for experiments, tasks, rewards and algorithms of your own in DIR, too
   --help             this page
 
-Exit codes: 0 done, 1 a run failed, 2 something in the command, config or spec has to be mended, 130 Ctrl-C.
+Exit codes: 0 done; 1 a run failed; 2 the command, config or spec has to be mended; 130 Ctrl-C.
 """
 
 
@@ -51,13 +54,87 @@ def run(arguments: list[str]) -> int:
     if "--help" in arguments or "-h" in arguments:
         print(usage(), end="")
         return 0
+    os.environ.setdefault("MUJOCO_GL", "disable")  # nothing here renders, and looking for a renderer takes a second
     os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra raises what goes wrong, and it is told below
     sys.argv = ["tltl-run", *(_addable(argument) for argument in arguments)]
     return _told("tltl-run", lambda: _hydra_run(arguments))
 
 
-def main() -> None:
+def main(arguments: list[str] | None = None) -> None:
     """The command `tltl`."""
+    parser = argparse.ArgumentParser("tltl", description="Check specs; evaluate, render and plot what was learned.")
+    commands = parser.add_subparsers(metavar="COMMAND", required=True)
+    check.add_parser(commands)
+
+    evaluate = commands.add_parser("evaluate", help="trials of a learned policy and their success rate")
+    evaluate.add_argument("run", type=Path, metavar="RUN", help="for instance runs/reach_avoid/tltl_episodic/seed_0")
+    evaluate.add_argument("--trials", type=int, default=10, help="how many (default 10, as in the case study)")
+    evaluate.add_argument("--seed", type=int, default=0, help="of the actuators' noise (default 0)")
+    evaluate.set_defaults(command=_evaluate)
+
+    render = commands.add_parser("render", help="a picture of the workspace with the learned paths, and a video")
+    render.add_argument("run", type=Path, metavar="RUN", help="for instance runs/reach_avoid/tltl_episodic/seed_0")
+    render.add_argument("--output", type=Path, help="a folder for them (default RUN)")
+    render.set_defaults(command=_render)
+
+    plot = commands.add_parser("plot", help="the learning curves of one or more experiments, from their CSV files")
+    plot.add_argument("experiments", type=Path, nargs="+", metavar="EXPERIMENT", help="for instance runs/reach_avoid")
+    plot.add_argument("--output", type=Path, help="where to, without suffix (default EXPERIMENT/learning_curves)")
+    plot.set_defaults(command=_plot)
+
+    chosen = parser.parse_args(arguments)
+    sys.exit(_told("tltl", lambda: chosen.command(chosen)))
+
+
+def _evaluate(arguments: argparse.Namespace) -> int:
+    import numpy as np
+    from scipy.stats import binomtest
+
+    from tltlrl.evaluation import trials
+    from tltlrl.experiment import open_run
+    from tltlrl.rollout import Simulator
+
+    if arguments.trials < 1 or arguments.seed < 0:
+        raise UserError("--trials must be at least 1 and --seed at least 0")
+    run, policy = open_run(arguments.run)
+    task = run.make_task()
+    motion = trials(Simulator(task), policy, arguments.trials, np.random.default_rng(arguments.seed))
+    robustness = run.spec.robustness(task.signals(motion.features, motion.commands))
+    for trial, value in enumerate(robustness):
+        print(f"trial {trial}: robustness {value:+.4f}, {'satisfied' if value > 0 else 'violated'}")
+    successes = int(np.sum(robustness > 0))
+    interval = binomtest(successes, arguments.trials).proportion_ci(method="wilson")
+    print(
+        f"success rate {successes}/{arguments.trials} = {successes / arguments.trials:.2f} "
+        f"(95 % Wilson interval {interval.low:.2f} to {interval.high:.2f})"
+    )
+    return 0
+
+
+def _render(arguments: argparse.Namespace) -> int:
+    from tltlrl.experiment import open_run
+    from tltlrl.tasks.planar_arm import PlanarArm
+    from tltlrl.video import render_motion
+    from tltlrl.workspace import draw_workspace
+
+    run, policy = open_run(arguments.run)
+    folder = arguments.output or arguments.run
+    folder.mkdir(parents=True, exist_ok=True)
+    if isinstance(run.make_task(), PlanarArm):
+        draw_workspace(run, policy, folder / "workspace")
+        print(f"{folder}/workspace.png, .pdf: the paths")
+    render_motion(run, policy, folder / "motion")
+    print(f"{folder}/motion.gif: the motion; motion.png: frames of it")
+    return 0
+
+
+def _plot(arguments: argparse.Namespace) -> int:
+    from tltlrl.plotting import plot_learning_curves, read_curves
+
+    output = arguments.output or arguments.experiments[0] / "learning_curves"
+    plot_learning_curves([read_curves(folder) for folder in arguments.experiments], output)
+    print(f"{output}.png, {output}.pdf")
+    return 0
 
 
 def _addable(argument: str) -> str:
@@ -146,7 +223,7 @@ def usage() -> str:
 
     experiments = _names("experiment")
     shown = experiments[0]
-    config = yaml.safe_dump(compose([f"experiment={shown}"]), sort_keys=False, default_flow_style=None, width=90)
+    config = yaml.safe_dump(compose([f"experiment={shown}"]), sort_keys=False, default_flow_style=None, width=86)
     return USAGE.format(
         experiments=", ".join(experiments),
         specs=", ".join(path.name for path in sorted(SPECS.glob("*.tltl"))),

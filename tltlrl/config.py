@@ -114,7 +114,7 @@ def experiment_from(config: Mapping[str, Any]) -> Experiment:
         task=dataclass_from(entry.config, config["task"], "task"),
         reward=dataclass_from(entry.reward, config["reward"], "reward"),
         spec=load_spec(spec_path(config["spec"]), constants=config["constants"]),
-        cases=_cases(config["cases"]),
+        cases=_cases(config["cases"], list(entry.hand_made)),
         seeds=_seeds(config["seeds"]),
         algorithm=dataclass_from(AlgorithmConfig, config["algorithm"], "algorithm"),
         trials=_at_least("trials", config["trials"], 1),
@@ -166,8 +166,7 @@ def _at_least(key: str, value: int, least: int) -> int:
     return value
 
 
-def _cases(names: list[Any]) -> tuple[Case, ...]:
-    hand_made = ["discrete", "continuous"]
+def _cases(names: list[Any], hand_made: list[str]) -> tuple[Case, ...]:
     cases = tuple(parse_case(str(name), hand_made) for name in names)
     if not cases or len(set(cases)) < len(cases):
         raise UserError(f"cases: {names} must name at least one case, and each once")

@@ -55,10 +55,11 @@ def run_all(jobs: list[Job], workers: int, address: str | None, on_progress: OnP
             client.submit(_on_worker, index, run, folder, pure=False): index for index, (run, folder) in enumerate(jobs)
         }
         for future in as_completed(futures, loop=client.loop):
-            on_end(futures[future], future.exception() if future.status == "error" else None)
+            on_end(futures[future], future.exception() if future.status == "error" else future.result())
 
 
-def _on_worker(index: int, run: Run, folder: Path) -> None:
+def _on_worker(index: int, run: Run, folder: Path) -> Exception | None:
+    """The run's own error is a result: raised, Dask would log it as a fault of the worker."""
     from distributed import get_worker
 
     worker, last = get_worker(), 0.0
@@ -69,7 +70,11 @@ def _on_worker(index: int, run: Run, folder: Path) -> None:
             last = time.monotonic()
             worker.log_event(TOPIC, (index, iteration))
 
-    train(run, folder, report)
+    try:
+        train(run, folder, report)
+    except Exception as error:
+        return error
+    return None
 
 
 @contextlib.contextmanager
@@ -93,10 +98,11 @@ def _cluster(workers: int, address: str | None) -> Iterator[str]:
     processes = [worker.pid for worker in cluster.workers.values()]
     try:
         yield cluster.scheduler_address
-    except BaseException:
+    except BaseException:  # Ctrl-C above all: nobody waits for workers in the middle of an iteration
         for process in processes:
             with contextlib.suppress(OSError):
                 os.kill(process, signal.SIGKILL)
+        with contextlib.suppress(TimeoutError):
+            cluster.close(timeout=1)
         raise
-    finally:
-        cluster.close(timeout=1)
+    cluster.close()

@@ -6,6 +6,7 @@ import contextlib
 import fcntl
 import os
 import shutil
+import zipfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -68,7 +69,7 @@ def open_run(folder: Path) -> tuple[Run, Policy]:
         saved = read_arrays(folder / POLICY)
         policy = Policy(saved["gain"], saved["mean"], saved["covariance"], float(saved["correlation"]))
         (folder / DONE).read_text()
-    except (OSError, ValueError, KeyError, TypeError, StopIteration, yaml.YAMLError) as error:
+    except (OSError, ValueError, KeyError, TypeError, StopIteration, zipfile.BadZipFile, yaml.YAMLError) as error:
         raise UserError(
             f"{folder} is not the folder of a finished run ({error}); "
             "give one like runs/reach_avoid/tltl_episodic/seed_0"

@@ -44,5 +44,5 @@ def write_arrays(path: Path, **arrays: Any) -> None:
 
 def read_arrays(path: Path) -> dict[str, np.ndarray]:
     """The arrays of an .npz archive; never unpickles."""
-    with np.load(path, allow_pickle=False) as archive:
+    with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
         return {name: archive[name] for name in archive.files}

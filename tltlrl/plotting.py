@@ -12,6 +12,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.stats import bootstrap
 
+from tltlrl.errors import UserError
+
 Array = NDArray[np.float64]
 
 # Told apart in grey by lightness and dash, and by colour (Okabe and Ito's palette, safe for colour-blind readers).
@@ -20,7 +22,7 @@ STYLES: dict[str, dict[str, Any]] = {
     "discrete_episodic": {"color": "#D55E00", "linestyle": "--"},
     "continuous_episodic": {"color": "#0072B2", "linestyle": "-."},
     "discrete_step": {"color": "#E69F00", "linestyle": ":"},
-    "continuous_step": {"color": "#56B4E9", "linestyle": (0, (5, 1, 1, 1, 1, 1))},
+    "continuous_step": {"color": "#3E9ED6", "linestyle": (0, (5, 1, 1, 1, 1, 1))},
 }
 LABELS = {
     "tltl_episodic": "TLTL robustness, episode-based",
@@ -31,63 +33,93 @@ LABELS = {
 }
 FONT: dict[Any, Any] = {"font.size": 9, "axes.titlesize": 9, "legend.fontsize": 8, "pdf.fonttype": 42}
 RESAMPLES = 2000
+CURVES = "learning_curves.csv"
 
 
-def plot_learning_curves(curves: pd.DataFrame, path: Path, title: str) -> None:
-    """Robustness against iterations, one line per case, as path.png and path.pdf.
+def read_curves(folder: Path) -> pd.DataFrame:
+    """learning_curves.csv of an experiment's folder.
+
+    Raises:
+      UserError: if there is none, or it lacks a column.
+    """
+    path = folder / CURVES
+    try:
+        curves = pd.read_csv(path)
+    except (OSError, ValueError) as error:
+        raise UserError(f"{path} cannot be read ({error}); give the folder of an experiment, as runs/NAME") from error
+    needed = {"task", "case", "seed", "iteration", "episodes", "robustness_mean"}
+    if missing := needed - set(curves.columns):
+        raise UserError(f"{path}: no column {', '.join(sorted(missing))}; run the experiment again to write it anew")
+    return curves
+
+
+def plot_learning_curves(experiments: list[pd.DataFrame], path: Path) -> None:
+    """Robustness against iterations, one line per case and one panel per experiment, as path.png and path.pdf.
 
     Args:
-      curves: learning_curves.csv.
+      experiments: their learning_curves.csv.
       path: without suffix.
-      title: above the axes.
     """
     with mpl.rc_context(FONT):
-        figure = Figure(figsize=(6.3, 4.2), layout="constrained")
-        axes = figure.add_subplot()
-        draw_learning_curves(axes, curves)
-        axes.set_title(title)
-        seeds, samples = curves["seed"].nunique(), curves["episodes"].min()
+        figure = Figure(figsize=(0.5 + 5.0 * len(experiments), 4.4), layout="constrained")
+        notes = []
+        for column, curves in enumerate(experiments):
+            axes = figure.add_subplot(1, len(experiments), column + 1)
+            draw_learning_curves(axes, curves)
+            seeds, samples = curves["seed"].nunique(), curves["episodes"].min()
+            axes.set_title(str(curves["task"].iloc[0]))
+            notes.append(f"n = {seeds} seeds, {samples} sample trajectories per iteration")
+        handles, labels = figure.axes[0].get_legend_handles_labels()
+        figure.legend(
+            handles, labels, loc="outside lower center", ncols=2 if len(experiments) == 1 else 3, frameon=False
+        )
         figure.supxlabel(
-            f"Mean of n = {seeds} seeds{_band_note(seeds)}; thin: each seed. {samples} sample trajectories per "
-            "iteration.\nRobustness of the spec, of the sampled trajectories, whatever the case was trained on.",
+            "\n".join(
+                [
+                    "; ".join(dict.fromkeys(notes)) + ".",
+                    "Thick: mean of the seeds; band: 95 % bootstrap interval of the mean; thin: each seed.",
+                    "Robustness of the spec, of the sampled trajectories, whatever the case was trained on.",
+                ]
+            ),
             fontsize=7,
         )
         for suffix, metadata in ((".png", {"Software": None}), (".pdf", {"CreationDate": None})):
             figure.savefig(path.with_suffix(suffix), dpi=200, metadata=metadata)
 
 
-def _band_note(seeds: int) -> str:
-    return ", band: 95 % bootstrap interval of the mean" if seeds > 1 else ""
-
-
 def draw_learning_curves(axes: mpl.axes.Axes, curves: pd.DataFrame) -> None:
     """Mean, band and every seed of each case's robustness_mean, on the given axes."""
-    floor = float(curves["robustness_mean"].replace([np.inf, -np.inf], np.nan).min())
     for case, rows in curves.groupby("case", sort=False):
         style = STYLES.get(str(case), {})
         by_seed = rows.pivot(index="iteration", columns="seed", values="robustness_mean")
-        values = by_seed.to_numpy().clip(min=floor)
-        axes.plot(by_seed.index, values, linewidth=0.4, alpha=0.45, **style)
+        values = by_seed.where(np.isfinite(by_seed)).to_numpy()  # a gap where a mean is infinite
+        axes.plot(by_seed.index, values, linewidth=0.4, alpha=0.5, color=style.get("color"))
         if values.shape[1] > 1:
             low, high = bootstrap_band(values)
             axes.fill_between(by_seed.index, low, high, alpha=0.18, linewidth=0, color=style.get("color"))
         axes.plot(by_seed.index, values.mean(axis=1), linewidth=1.6, label=LABELS.get(str(case), str(case)), **style)
     axes.axhline(0.0, color="0.5", linewidth=0.8, zorder=0)
     axes.annotate(
-        "satisfied above", (1.0, 0.0), xycoords=("axes fraction", "data"), xytext=(-3, 2), textcoords="offset points",
-        ha="right", va="bottom", fontsize=7, color="0.3",
+        "above 0: satisfied", (1.0, 0.0), xycoords=("axes fraction", "data"), xytext=(-3, -2),
+        textcoords="offset points", ha="right", va="top", fontsize=7, color="0.3",
     )  # fmt: skip
     axes.set_xlabel("iteration")
     axes.set_ylabel("robustness (m)")
     axes.margins(x=0)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(frameon=False)
 
 
 def bootstrap_band(values: Array) -> tuple[Array, Array]:
-    """95 % percentile bootstrap interval of the mean over the columns: (T, seeds) => two of shape (T,)."""
-    interval = bootstrap(
-        (values.T,), np.mean, axis=0, vectorized=True, n_resamples=RESAMPLES, method="percentile",
-        rng=np.random.default_rng(0),
-    ).confidence_interval  # fmt: skip
-    return np.asarray(interval.low), np.asarray(interval.high)
+    """95 % percentile bootstrap interval of the mean over the columns: (T, seeds) => two of shape (T,).
+
+    NaN where a value is.
+    """
+    band = np.full((2, len(values)), np.nan)
+    known = np.isfinite(values).all(axis=1)
+    if known.any():
+        interval = bootstrap(
+            (values[known].T,), np.mean, axis=0, vectorized=True, n_resamples=RESAMPLES, method="percentile",
+            rng=np.random.default_rng(0),
+        ).confidence_interval  # fmt: skip
+        band[:, known] = interval.low, interval.high
+    return band[0], band[1]

@@ -9,12 +9,14 @@ from pathlib import Path
 import pandas as pd
 from scipy.stats import binomtest
 
+from tltlrl.comparison import Comparison, compare
 from tltlrl.config import Experiment
 from tltlrl.files import write_text
-from tltlrl.plotting import plot_learning_curves
+from tltlrl.plotting import CURVES, plot_learning_curves
 from tltlrl.training import DONE, PROGRESS
 
-CURVES, SUMMARY, SUMMARY_PAGE, REPORT = "learning_curves.csv", "summary.csv", "summary.md", "report.md"
+TLTL = "tltl_episodic"
+SUMMARY, SUMMARY_PAGE, REPORT = "summary.csv", "summary.md", "report.md"
 
 
 def write_report(folder: Path, experiment: Experiment, failures: Mapping[str, str]) -> None:
@@ -34,7 +36,7 @@ def write_report(folder: Path, experiment: Experiment, failures: Mapping[str, st
     write_text(folder / SUMMARY, summary.to_csv(index=False, lineterminator="\n"))
     write_text(folder / SUMMARY_PAGE, summary_page(experiment, summary, failures))
     write_text(folder / REPORT, report_page(experiment, summary, failures))
-    plot_learning_curves(curves, folder / "learning_curves", title=f"{experiment.name}: {experiment.spec.formula}")
+    plot_learning_curves([curves], folder / "learning_curves")
 
 
 def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, float]]) -> pd.DataFrame:
@@ -94,10 +96,66 @@ def summary_page(experiment: Experiment, summary: pd.DataFrame, failures: Mappin
 
 
 def report_page(experiment: Experiment, summary: pd.DataFrame, failures: Mapping[str, str]) -> str:
-    """report.md: the summary with the figure and the settings it was made with."""
+    """report.md: the summary, the figure, what the case study claims of it, and the settings."""
     page = summary_page(experiment, summary, failures)
     settings = "\n".join(f"- {key}: {value}" for key, value in experiment.settings.items())
-    return f"{page}\n![Learning curves](learning_curves.png)\n\n## Settings\n\n{settings}\n"
+    claims = "\n".join(claim_lines(summary))
+    return f"{page}\n![Learning curves](learning_curves.png)\n{claims}\n## Settings\n\n{settings}\n"
+
+
+def claim_lines(summary: pd.DataFrame) -> list[str]:
+    """What the case study's discussion says of the cases, each with the measured answer."""
+    cases = list(summary["case"].unique())
+    others = [case for case in cases if case != TLTL]
+    lines = [""]
+    if TLTL in cases and others:
+        rate = compare(summary, TLTL, others, "robustness_mean_over_run")
+        final = compare(summary, TLTL, others, "robustness_policy")
+        best = {name: all(c.difference > 0 for c in family) for name, family in (("rate", rate), ("final", final))}
+        lines += [
+            "## What the case study claims",
+            "",
+            f"**The TLTL reward has the best rate of convergence: {_verdict(best['rate'])}**, by the robustness of the "
+            "samples averaged over the run.",
+            f"**It has the best final value: {_verdict(best['final'])}**, by the robustness of the learned mean "
+            "policy.",
+            "",
+            *_comparison_table([*rate, *final]),
+            "",
+        ]
+    for reward in ("continuous", "discrete"):
+        if f"{reward}_episodic" in cases and f"{reward}_step" in cases:
+            gain = compare(summary, f"{reward}_step", [f"{reward}_episodic"], "robustness_mean_over_run")
+            gain += compare(summary, f"{reward}_step", [f"{reward}_episodic"], "robustness_policy")
+            lines += [
+                f"**Step-based REPS is a minor gain**, for the {reward} reward:",
+                "",
+                *_comparison_table(gain),
+                "",
+            ]
+    if lines[1:]:
+        lines += [
+            "Difference: mean over the common seeds, m. P(A > B): share of all pairs of seeds. p: exact paired "
+            "permutation test, two-sided, with Holm's correction over the cases compared; with n seeds it cannot be "
+            "below 2^(1-n).",
+            "",
+        ]
+    return lines
+
+
+def _verdict(confirmed: bool) -> str:
+    return "confirmed" if confirmed else "not confirmed"
+
+
+def _comparison_table(rows: list[Comparison]) -> list[str]:
+    return [
+        "| A | B | measure | n | A - B | P(A > B) | p |",
+        "|---|---|---|---|---|---|---|",
+        *(
+            f"| {c.better} | {c.other} | {c.measure} | {c.seeds} | {c.difference:+.3f} | {c.wins:.2f} | {c.p:.3f} |"
+            for c in rows
+        ),
+    ]
 
 
 def _failure_lines(failures: Mapping[str, str]) -> list[str]:

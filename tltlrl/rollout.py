@@ -20,15 +20,21 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Trajectories:
-    """N trajectories of T samples.
+    """N trajectories of at most T samples.
 
     Attributes:
-      features: s_t, shape (N, T, n).
+      features: s_t, shape (N, T, n); after a trajectory's end its last sample again.
       commands: u_t = K s_t + offset_t as the policy sent it, before noise and clipping, shape (N, T, d).
+      lengths: samples of each trajectory, shape (N,): T, or less where the episode ended early.
+      last_qpos, last_qvel: state of the whole scene at s_{T-1}, shapes (N, nq) and (N, nv); where an episode ended
+        early the state that the physics went on to.
     """
 
     features: Array
     commands: Array
+    lengths: NDArray[np.int64]
+    last_qpos: Array
+    last_qvel: Array
 
 
 class Simulator:
@@ -76,9 +82,15 @@ class Simulator:
         sensors = np.empty((n, substeps, self._model.nsensordata))
         models, data = [self._model] * n, [self._data]
         transposed_gain = np.ascontiguousarray(gain.T)
+        lengths = np.full(n, steps)
+        ended = np.zeros(n, dtype=np.bool_)
         for t in range(steps):
             features[t] = task.features(state[:, 1 : 1 + nq], state[:, 1 + nq : 1 + nq + nv])
+            features[t, ended] = features[t - 1, ended]
             commands[t] += features[t] @ transposed_gain
+            ends = task.terminated(features[t]) & ~ended
+            lengths[ends] = t + 1
+            ended |= ends
             if t + 1 == steps:
                 break
             control[:] = (commands[t] + noise[t])[:, None]
@@ -97,4 +109,10 @@ class Simulator:
         if not finite.all():
             t, i = np.argwhere(~finite)[0]
             raise FloatingPointError(f"the simulation of {task.name} diverged: trajectory {i}, step {t}")
-        return Trajectories(features.transpose(1, 0, 2), commands.transpose(1, 0, 2))
+        return Trajectories(
+            features.transpose(1, 0, 2),
+            commands.transpose(1, 0, 2),
+            lengths,
+            state[:, 1 : 1 + nq],
+            state[:, 1 + nq : 1 + nq + nv],
+        )

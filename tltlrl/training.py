@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import csv
 import time
+import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -179,7 +180,7 @@ def iterate(run: Run, task: Task, simulator: Simulator, policy: Policy, iteratio
     physics_seconds = time.perf_counter() - start
 
     signals = task.signals(trajectories.features, trajectories.commands)
-    robustness = run.spec.robustness(signals)
+    robustness = run.spec.robustness(signals, trajectories.lengths)
     sampled, of_policy = robustness[:samples], robustness[samples]
     returns, update = learn(run, task, signals, sampled, offsets[:samples], policy)
     weighting = update.weighting
@@ -203,7 +204,11 @@ def iterate(run: Run, task: Task, simulator: Simulator, policy: Policy, iteratio
 def learn(
     run: Run, task: Task, signals: Signals, robustness: Array, offsets: Array, policy: Policy
 ) -> tuple[Array, Update]:
-    """Returns of the sampled trajectories in the reward's own units, shape (N,), and the update they lead to."""
+    """Returns of the sampled trajectories in the reward's own units, shape (N,), and the update they lead to.
+
+    After an early end a hand-made reward goes on as at the last sample (an absorbing state): otherwise an episode
+    that ends early would be spared its costs.
+    """
     a = run.algorithm
     settings = (policy.mean, policy.covariance, a.epsilon, a.covariance, a.kept)
     if run.case.reward == "tltl":
@@ -278,7 +283,7 @@ def resume(folder: Path, start: Policy) -> tuple[int, Policy]:
         done = int(saved["iteration"])
         if min(len(rows), len(timing)) > done and saved["mean"].shape == start.mean.shape:
             iteration, policy = done, Policy(start.gain, saved["mean"], saved["covariance"], start.correlation)
-    except (OSError, ValueError, KeyError, EOFError):
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         pass
     if iteration:
         write_text(folder / PROGRESS, "".join(rows[: iteration + 1]))
@@ -293,7 +298,7 @@ def finish(run: Run, task: Task, simulator: Simulator, policy: Policy, folder: P
     """Judges the learned policy and writes policy.npz and done.json."""
 
     def robustness(motion: Any) -> Array:
-        return run.spec.robustness(task.signals(motion.features, motion.commands))
+        return run.spec.robustness(task.signals(motion.features, motion.commands), motion.lengths)
 
     of_policy = float(robustness(mean_motion(simulator, policy))[0])
     rng = np.random.default_rng([run.seed, run.algorithm.iterations, run.trials])

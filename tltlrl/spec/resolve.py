@@ -63,13 +63,14 @@ class Region:
     """A ball or box of constant size and place that a formula speaks of, for pictures of the workspace.
 
     `name` is the named sub-formula that holds it (None in the spec's own line), `signal` the vector signal
-    it is about (None when it is about an expression). A ball has `centre` and `radius`, a box `lower` and
-    `upper`.
+    it is about (None when it is about an expression), `inside` whether the predicate holds inside (outside in
+    distance(...) > radius). A ball has `centre` and `radius`, a box `lower` and `upper`.
     """
 
     name: str | None
     kind: str
     signal: str | None
+    inside: bool
     centre: tuple[float, ...] | None = None
     radius: float | None = None
     lower: tuple[float, ...] | None = None
@@ -575,7 +576,7 @@ class _Resolver:
             far = self._distance(node, scope, (point, centre_node))
             number = self._predicate(node, self.fold(node, "subtract", radius.components[0], far), scope)
             if values[0].dimension is not None:
-                self._remember(point, "ball", centre=centre, radius=size)
+                self._remember(point, "ball", True, centre=centre, radius=size)
             return number
         x, low, high = self.same((point, *rest), scope, "a box and its points lie in one space")
         lower, upper = self._fixed(rest[0], low), self._fixed(rest[1], high)
@@ -592,12 +593,12 @@ class _Resolver:
             for pair in ((c, a), (b, c))
         ]
         if x.dimension is not None:
-            self._remember(point, "box", lower=lower, upper=upper)
+            self._remember(point, "box", True, lower=lower, upper=upper)
         return self._predicate(node, self.fold(node, "minimum", *faces), scope)
 
-    def _remember(self, point: Node, kind: str, **shape: Any) -> None:
+    def _remember(self, point: Node, kind: str, inside: bool, **shape: Any) -> None:
         signal = point.name if isinstance(point, syntax.Name) and point.name in self.signals else None
-        self.regions.append(Region(self.within, kind, signal, **shape))
+        self.regions.append(Region(self.within, kind, signal, inside, **shape))
 
     # Formulas
 
@@ -627,7 +628,8 @@ class _Resolver:
             for near, far in ((small, large), (large, small)):
                 if values[near] in self.distances and self.graph.ops[values[far]].name == "constant":
                     point, centre = self.distances[values[near]]
-                    self._remember(point, "ball", centre=centre, radius=self.graph.constant(values[far]))
+                    radius = self.graph.constant(values[far])
+                    self._remember(point, "ball", near == small, centre=centre, radius=radius)
         return self.graph.add("minimum", *links)
 
     def _formula(self, node: Node, scope: Mapping[str, str]) -> int:

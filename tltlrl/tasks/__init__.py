@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-with warnings.catch_warnings():
-    # On a machine without a display dm_control tries GLFW, which warns, before EGL and OSMesa.
-    warnings.filterwarnings("ignore", module="glfw")
-    import dm_control.mujoco  # noqa: F401
+from tltlrl.headless import choose_renderer
+
+choose_renderer()  # before anything imports dm_control; hence the imports below
 
 from dm_control.rl import control
 
 from tltlrl.errors import UserError, nearest
 from tltlrl.resources import spec_path
 from tltlrl.spec import load_spec
-from tltlrl.tasks import planar_arm
+from tltlrl.tasks import planar_arm, toast
 from tltlrl.tasks.task import StepReward, Task, environment
 
 
@@ -30,12 +28,14 @@ class TaskEntry:
       reward: dataclass of its hand-made rewards' coefficients.
       rewards: (coefficients, spec constants) => the hand-made rewards by name.
       make: (config, rewards, random) => the task.
+      hand_made: names of the hand-made rewards.
     """
 
     config: type
     reward: type
     rewards: Callable[[Any, Mapping[str, Any]], dict[str, StepReward]]
     make: Callable[..., Task]
+    hand_made: tuple[str, ...] = ("discrete", "continuous")
 
 
 TASKS: dict[str, TaskEntry] = {
@@ -50,6 +50,9 @@ TASKS: dict[str, TaskEntry] = {
         planar_arm.VisitInOrderReward,
         planar_arm.visit_in_order_rewards,
         planar_arm.PlanarArm,
+    ),
+    "toast": TaskEntry(
+        toast.ToastConfig, toast.ToastReward, toast.toast_rewards, toast.Toast, hand_made=("continuous",)
     ),
 }
 
@@ -66,7 +69,7 @@ def task_entry(name: str) -> TaskEntry:
 
 
 def load_task(name: str, seed: int | None = None) -> control.Environment:
-    """A task with its default settings as a `dm_env.Environment`; its reward is the task's discrete one.
+    """A task with its default settings as a `dm_env.Environment`; its reward is the discrete one, if the task has it.
 
     Args:
       name: one of `TASKS`.

@@ -28,8 +28,7 @@ from dm_control import mujoco
 from lxml import etree
 from numpy.typing import NDArray
 
-from tltlrl.errors import UserError
-from tltlrl.tasks.task import Array, Quantity, Signals, StepReward, Task
+from tltlrl.tasks.task import Array, Quantity, Signals, StepReward, Task, required_constants
 
 JOINTS = ("joint_1", "joint_2", "joint_3")
 
@@ -118,6 +117,7 @@ class PlanarArm(Task):
         Quantity("end_effector_x", "m"),
         Quantity("end_effector_y", "m"),
     )
+    camera = "above"
     action = tuple(Quantity(f"speed_{i}", "rad/s") for i in (1, 2, 3))
 
     def __init__(
@@ -184,7 +184,7 @@ def reach_avoid_rewards(coefficients: ReachAvoidReward, constants: Mapping[str, 
     Raises:
       UserError: if the spec has no such constants.
     """
-    goal, goal_radius = _constants(constants, "goal", "goal_radius")
+    goal, goal_radius = required_constants(constants, "goal", "goal_radius")
     obstacles = _obstacles(constants)
 
     def discrete(signals: Mapping[str, Array]) -> Array:
@@ -217,7 +217,7 @@ def visit_in_order_rewards(coefficients: VisitInOrderReward, constants: Mapping[
     Raises:
       UserError: if the spec has no such constants.
     """
-    family, goal_radius = _constants(constants, "goal", "goal_radius")
+    family, goal_radius = required_constants(constants, "goal", "goal_radius")
     goals = [np.array(goal) for goal in family.values()]
     obstacles = _obstacles(constants)
 
@@ -264,20 +264,9 @@ def _before(count: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.concatenate([np.zeros_like(count[:, :1]), count[:, :-1]], axis=1)
 
 
-def _constants(constants: Mapping[str, Any], *names: str) -> list[Any]:
-    """Constants of the spec by the names that the hand-made rewards rely on."""
-    missing = [name for name in names if name not in constants]
-    if missing:
-        raise UserError(
-            f"spec: the hand-made rewards need its constants {', '.join(missing)}; it has "
-            f"{', '.join(constants) or 'none'}. Define them, or train on the spec alone: cases=[tltl_episodic]"
-        )
-    return [constants[name] for name in names]
-
-
 def _obstacles(constants: Mapping[str, Any]) -> list[tuple[Array, float]]:
     """Centre and radius of every obstacle."""
-    centres, radii = _constants(constants, "obstacle", "obstacle_radius")
+    centres, radii = required_constants(constants, "obstacle", "obstacle_radius")
     return [(np.array(centres[i]), radii[i]) for i in centres]
 
 
@@ -298,6 +287,13 @@ def forward_kinematics(angles: Array, link_lengths: Array) -> Array:
     """End of the last link: (..., 3) joint angles in rad, (3,) lengths in m => (..., 2) in m."""
     heading = np.cumsum(angles, axis=-1)
     return np.stack([np.cos(heading) @ link_lengths, np.sin(heading) @ link_lengths], axis=-1)
+
+
+def joint_positions(angles: Array, link_lengths: Array) -> Array:
+    """Base, both inner joints and the end-effector: (..., 3) rad, (3,) m => (..., 4, 2) m."""
+    heading = np.cumsum(angles, axis=-1)
+    links = np.stack([np.cos(heading), np.sin(heading)], axis=-1) * link_lengths[:, None]
+    return np.concatenate([np.zeros_like(links[..., :1, :]), np.cumsum(links, axis=-2)], axis=-2)
 
 
 def model_xml(link_lengths: Sequence[float], max_speed: float) -> str:

@@ -11,11 +11,14 @@ import abc
 import collections
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from dm_control import mujoco
 from dm_control.rl import control
 from numpy.typing import NDArray
+
+from tltlrl.errors import UserError
 
 Array = NDArray[np.float64]
 Signals = dict[str, Array]
@@ -46,11 +49,15 @@ class Task(control.Task, abc.ABC):  # type: ignore[misc]  # dm_control has no ty
       feedback: the gain matrix K of shape (d, n) for a feedback of 1; the configured feedback multiplies it.
       rewards: hand-made rewards per step by name; each maps signals of shape (N, T) or (N, T, d) to (N, T),
         where the value at t depends on the samples up to t.
+      environment_reward: the one of `rewards` that `dm_env` users get.
+      camera: of the model, for pictures.
     """
 
     name: str
     observation: tuple[Quantity, ...]
     action: tuple[Quantity, ...]
+    environment_reward = "discrete"
+    camera: str
 
     def __init__(
         self,
@@ -121,10 +128,10 @@ class Task(control.Task, abc.ABC):  # type: ignore[misc]  # dm_control has no ty
         return self.observe(physics)
 
     def get_reward(self, physics: mujoco.Physics) -> float:  # noqa: ARG002
-        """The hand-made discrete reward of the latest sample; `physics` has nothing that the episode has not."""
+        """The hand-made reward of the latest sample; `physics` has nothing that the episode has not."""
         features = np.array(self._episode)[None]
         commands = np.zeros((1, features.shape[1], len(self.action)))  # no hand-made reward depends on them
-        return float(self.rewards["discrete"](self.signals(features, commands))[0, -1])
+        return float(self.rewards[self.environment_reward](self.signals(features, commands))[0, -1])
 
     def action_spec(self, physics: mujoco.Physics) -> object:
         """Bounds of the commands, from the model."""
@@ -136,6 +143,21 @@ class Task(control.Task, abc.ABC):  # type: ignore[misc]  # dm_control has no ty
 
     def _flat_features(self, physics: mujoco.Physics) -> Array:
         return np.concatenate([np.ravel(value) for value in self.observe(physics).values()])
+
+
+def required_constants(constants: Mapping[str, Any], *names: str) -> list[Any]:
+    """Constants of the spec by the names that the hand-made rewards rely on.
+
+    Raises:
+      UserError: naming those that the spec lacks.
+    """
+    missing = [name for name in names if name not in constants]
+    if missing:
+        raise UserError(
+            f"spec: the hand-made rewards need its constants {', '.join(missing)}; it has "
+            f"{', '.join(constants) or 'none'}. Define them, or train on the spec alone: cases=[tltl_episodic]"
+        )
+    return [constants[name] for name in names]
 
 
 def environment(task: Task) -> control.Environment:

@@ -1,0 +1,1 @@
+"""Measured speeds; run by `make bench`."""

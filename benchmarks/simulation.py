@@ -1,0 +1,144 @@
+"""Simulation and training against the raw physics engine, in ratios measured side by side."""
+
+from __future__ import annotations
+
+import multiprocessing
+import statistics
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from tltlrl.cli import compose
+from tltlrl.config import experiment_from
+from tltlrl.engine import run_all
+from tltlrl.policy import Policy
+from tltlrl.reps import episode_based
+from tltlrl.rollout import Simulator
+from tltlrl.tasks.task import environment
+from tltlrl.training import Run, initial_policy, iterate
+
+Row = tuple[str, float, str]  # what, measured, target
+
+ROUNDS = 7
+
+
+def seconds(work: Callable[[], object]) -> float:
+    """Wall-clock time of one call."""
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
+
+
+def median_ratio(a: Callable[[], object], b: Callable[[], object], rounds: int = ROUNDS) -> float:
+    """Median of time(a) / time(b) over alternating rounds, after a warm-up."""
+    a(), b()
+    return statistics.median(seconds(a) / seconds(b) for _ in range(rounds))
+
+
+def make_run(name: str) -> Run:
+    """The first run of an experiment."""
+    return experiment_from(compose([f"experiment={name}"])).runs()[0]
+
+
+def closed_loop(count: int = 30) -> list[Row]:
+    """The batched closed loop against raw mj_step, and against stepping the task's dm_env environment."""
+    run = make_run("reach_avoid")
+    task = run.make_task()
+    simulator, policy = Simulator(task), initial_policy(task, run.algorithm)
+    rng = np.random.default_rng(0)
+    offsets, noise = policy.sample(count, rng), simulator.draw_command_noise(count, rng)
+    physics = task.make_physics()
+    substeps = round(0.05 / physics.timestep())
+    model, data = physics.model.ptr, physics.data.ptr
+
+    def batch() -> None:
+        simulator.rollout(policy.gain, offsets, noise)
+
+    def raw() -> None:
+        mujoco.mj_step(model, data, count * (task.steps - 1) * substeps)
+
+    env = environment(task)
+
+    def loop() -> None:  # one trajectory, as a user of dm_env writes it
+        timestep = env.reset()
+        for offset in offsets[0, :-1]:
+            observed = np.concatenate([timestep.observation[key] for key in timestep.observation])
+            timestep = env.step(policy.gain @ observed + offset)
+
+    task.rewards["discrete"] = lambda signals: np.zeros(signals["ee"].shape[:-1])
+    return [
+        (f"closed loop, N = {count}: rate / raw mj_step rate", 1 / median_ratio(batch, raw), ">= 0.7"),
+        (f"closed loop, N = {count}: rate / dm_env loop rate", count * median_ratio(loop, batch), ">= 6"),
+    ]
+
+
+def iteration(name: str) -> Row:
+    """One whole training iteration against its physics alone."""
+    run = make_run(name)
+    task = run.make_task()
+    simulator, policy = Simulator(task), initial_policy(task, run.algorithm)
+    ratios = []
+    for i in range(2 * ROUNDS):
+        start = time.perf_counter()
+        result = iterate(run, task, simulator, policy, i)
+        ratios.append((time.perf_counter() - start) / result.physics_seconds)
+        policy = result.policy
+    return f"{name}: whole iteration / its physics", statistics.median(ratios[2:]), "<= 1.35"
+
+
+def update() -> Row:
+    """Sampling and one update on the 60-dimensional quadratic, 30 samples."""
+    rng = np.random.default_rng(0)
+    optimum = rng.standard_normal((20, 3))
+    policy = Policy(np.zeros((3, 1)), np.zeros((20, 3)), np.tile(np.eye(3), (20, 1, 1)))
+    times = []
+    for _ in range(200):
+        start = time.perf_counter()
+        offsets = policy.sample(30, rng)
+        returns = -np.sum((offsets - optimum) ** 2, axis=(1, 2))
+        result = episode_based(offsets, returns, policy.mean, policy.covariance, 1.0, "damped", 0.5)
+        policy = Policy(policy.gain, result.mean, result.covariance)
+        times.append(time.perf_counter() - start)
+    return "REPS, 60 dimensions, 30 samples: ms per update", 1e3 * statistics.median(times), "<= 0.5"
+
+
+def _raw_steps(count: int) -> None:
+    physics = make_run("reach_avoid").make_task().make_physics()
+    mujoco.mj_step(physics.model.ptr, physics.data.ptr, count)
+
+
+def two_workers() -> list[Row]:
+    """Throughput of two workers over one, beside what two raw mj_step processes reach over one in the same minute."""
+    settings = compose(["experiment=reach_avoid", "seeds=4", "cases=[tltl_episodic]", "algorithm.iterations=40"])
+    runs = experiment_from(settings).runs()
+
+    def experiment(workers: int) -> float:
+        with tempfile.TemporaryDirectory() as folder:
+            jobs = [(run, Path(folder) / str(run.seed)) for run in runs]
+            begin: list[float] = []  # the cluster's start-up is a constant, not throughput
+
+            def on_progress(*_: int) -> None:
+                begin.append(time.perf_counter())
+
+            run_all(jobs, workers, None, on_progress, lambda *_: None)
+            return time.perf_counter() - begin[0]
+
+    def raw(processes: int) -> float:
+        context = multiprocessing.get_context("fork")
+        workers = [context.Process(target=_raw_steps, args=(1_500_000 // processes,)) for _ in range(processes)]
+        return seconds(lambda: [[w.start() for w in workers], [w.join() for w in workers]])
+
+    possible, reached = raw(1) / raw(2), experiment(1) / experiment(2)
+    return [
+        ("two raw mj_step processes / one, throughput", possible, "1.0 to 2.0"),
+        ("two workers / one, throughput, as a share of that", reached / possible, ">= 0.9"),
+    ]
+
+
+def rows() -> list[Row]:
+    """Every row of this module."""
+    return [*closed_loop(), iteration("reach_avoid"), iteration("visit_in_order"), update(), *two_workers()]

@@ -1,0 +1,357 @@
+"""The arm against its published description, the batched rollout against dm_env, eq. 3.9 and the bread."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from lxml import etree
+from scipy.spatial.transform import Rotation
+
+from tltlrl.errors import UserError
+from tltlrl.resources import spec_path
+from tltlrl.rollout import Simulator
+from tltlrl.spec import load_spec
+from tltlrl.tasks import toast
+from tltlrl.tasks.task import environment
+
+CONSTANTS = {"slot_centre": (0.70, -0.35, 0.05), "toaster_centre": (0.70, -0.35, -0.105)}
+HALF_PI = np.pi / 2
+
+# Origin (m) and roll, pitch, yaw (fixed axes) of each joint's frame in its parent's; range (rad), speed (rad/s),
+# effort (N m).
+PUBLISHED = {
+    "s0": ((0.055695, 0, 0.011038), (0, 0, 0), (-1.70167993878, 1.70167993878), 1.5, 50),
+    "s1": ((0.069, 0, 0.27035), (-HALF_PI, 0, 0), (-2.147, 1.047), 1.5, 50),
+    "e0": ((0.102, 0, 0), (HALF_PI, 0, HALF_PI), (-3.05417993878, 3.05417993878), 1.5, 50),
+    "e1": ((0.069, 0, 0.26242), (-HALF_PI, -HALF_PI, 0), (-0.05, 2.618), 1.5, 50),
+    "w0": ((0.10359, 0, 0), (HALF_PI, 0, HALF_PI), (-3.059, 3.059), 4.0, 15),
+    "w1": ((0.01, 0, 0.2707), (-HALF_PI, -HALF_PI, 0), (-1.57079632679, 2.094), 4.0, 15),
+    "w2": ((0.115975, 0, 0), (HALF_PI, 0, HALF_PI), (-3.059, 3.059), 4.0, 15),
+}
+MASSES = {
+    "right_upper_shoulder": 5.70044,
+    "right_lower_shoulder": 3.22698,
+    "right_upper_elbow": 4.31272,
+    "right_lower_elbow": 2.07206,
+    "right_upper_forearm": 2.24665,
+    "right_lower_forearm": 1.60979,
+    "right_wrist": 0.35093,
+    "right_hand": 0.19125,
+    "right_gripper": 0.3,
+}
+
+
+def make_task(**changes: object) -> toast.Toast:
+    config = replace(toast.ToastConfig(command_noise=0.0), **changes)
+    return toast.Toast(config, toast.toast_rewards(toast.ToastReward(), CONSTANTS), random=0)
+
+
+@pytest.fixture(scope="module")
+def physics() -> toast.Physics:
+    return make_task().make_physics()
+
+
+def published_hand(angles: np.ndarray) -> np.ndarray:
+    """Pose (4, 4) of right_hand in right_arm_mount by elementary rotations alone."""
+    pose = np.eye(4)
+    for angle, (origin, (roll, pitch, yaw), *_) in zip(angles, PUBLISHED.values(), strict=True):
+        step = np.eye(4)
+        step[:3, :3] = turn(2, yaw) @ turn(1, pitch) @ turn(0, roll) @ turn(2, angle)
+        step[:3, 3] = origin
+        pose = pose @ step
+    return pose @ np.block([[np.eye(3), np.array([[0], [0], [0.11355]])], [np.zeros(3), 1]])
+
+
+def turn(axis: int, angle: float) -> np.ndarray:
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    matrix = np.eye(3)
+    matrix[i, i] = matrix[j, j] = np.cos(angle)
+    matrix[j, i], matrix[i, j] = np.sin(angle), -np.sin(angle)
+    return matrix
+
+
+def pose_in_mount(physics: toast.Physics) -> np.ndarray:
+    def world(body: str) -> np.ndarray:
+        pose = np.eye(4)
+        pose[:3, :3] = physics.named.data.xmat[body].reshape(3, 3)
+        pose[:3, 3] = physics.named.data.xpos[body]
+        return pose
+
+    return np.linalg.solve(world("right_arm_mount"), world("right_hand"))
+
+
+def flat(time_step: object) -> np.ndarray:
+    return np.concatenate([np.ravel(value) for value in time_step.observation.values()])  # type: ignore[attr-defined]
+
+
+def unwrapped(difference: np.ndarray) -> np.ndarray:
+    """Differences of features, with those of roll and yaw modulo a full turn."""
+    difference[..., [17, 19]] = (difference[..., [17, 19]] + np.pi) % (2 * np.pi) - np.pi
+    return difference
+
+
+def test_observation_table_is_the_code() -> None:
+    rows = re.findall(r"^\| (\d+) \| (\w+) \| (\S+) \|$", toast.__doc__ or "", re.MULTILINE)
+    expected = [(str(i), q.name, q.unit) for i, q in enumerate(toast.Toast.observation)]
+    assert rows == expected
+    assert len(rows) == 21
+    assert len(toast.Toast.action) == 8
+
+
+def test_forward_kinematics_is_the_published_arm(physics: toast.Physics) -> None:
+    rng = np.random.default_rng(0)
+    low, high = np.array([row[2] for row in PUBLISHED.values()]).T
+    for angles in [np.zeros(7), *rng.uniform(low, high, (50, 7))]:
+        with physics.reset_context():
+            physics.data.qpos[:7] = angles
+        np.testing.assert_allclose(pose_in_mount(physics), published_hand(angles), atol=1e-12)
+    stretched = published_hand(np.zeros(7))
+    np.testing.assert_allclose(stretched[:3, 3], [1.09293, 0, 0.202388], atol=1e-6)
+    np.testing.assert_allclose(stretched[:3, 2], [1, 0, 0], atol=1e-12)
+
+
+def test_limits_and_masses_are_the_published_ones(physics: toast.Physics) -> None:
+    for name, (_, _, joint_range, speed, effort) in PUBLISHED.items():
+        joint = f"right_{name}"
+        np.testing.assert_array_equal(physics.named.model.jnt_range[joint], joint_range)
+        np.testing.assert_array_equal(physics.named.model.actuator_ctrlrange[joint], [-speed, speed])
+        np.testing.assert_array_equal(physics.named.model.actuator_forcerange[joint], [-effort, effort])
+        np.testing.assert_array_equal(physics.named.model.jnt_actfrcrange[joint], [-effort, effort])
+    for body, mass in MASSES.items():
+        assert physics.named.model.body_mass[body] == mass
+    np.testing.assert_array_equal(physics.named.model.actuator_ctrlrange["right_gripper"], [0, 100])
+
+
+def test_inertia_is_the_published_tensor(physics: toast.Physics) -> None:
+    orientation = Rotation.from_quat(
+        physics.named.model.body_iquat["right_upper_shoulder"], scalar_first=True
+    ).as_matrix()
+    tensor = orientation @ np.diag(physics.named.model.body_inertia["right_upper_shoulder"]) @ orientation.T
+    xx, yy, zz, xy, xz, yz = (
+        0.04709102262,
+        0.03766976455,
+        0.03595988478,
+        0.00012787556,
+        0.00614870039,
+        0.00078086899,
+    )
+    np.testing.assert_allclose(tensor, [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], atol=1e-12)
+
+
+def test_features_are_the_physics_own_quantities(physics: toast.Physics) -> None:
+    task = make_task()
+    rng = np.random.default_rng(1)
+    qpos = rng.uniform(-1.5, 1.5, (40, 9)) * np.append(np.ones(7), [0.01, 0.01])
+    qvel = rng.standard_normal((40, 9))
+    features = task.features(qpos, qvel)
+    for q, v, row in zip(qpos, qvel, features, strict=True):
+        with physics.reset_context():
+            physics.data.qpos[:], physics.data.qvel[:] = q, v
+        np.testing.assert_allclose(row, np.concatenate([*task.observe(physics).values()]), atol=1e-12)
+
+
+def test_signals_hold_the_pose() -> None:
+    task = make_task()
+    rng = np.random.default_rng(2)
+    features = rng.uniform(-3, 3, (4, 5, 21))
+    features[0, 0, 17:20] = [np.pi, 0, -np.pi]  # straight down, on the wrap
+    signals = task.signals(features, np.zeros((4, 5, 8)))
+    rotation = Rotation.from_matrix(toast.RELEASE_ROTATION.T) * Rotation.from_euler(
+        "xyz", features[..., 17:20].reshape(-1, 3)
+    )
+    np.testing.assert_allclose(signals["rotation"].reshape(-1, 3), rotation.as_rotvec(), atol=1e-12)
+    assert {name: value.shape for name, value in signals.items()} == {
+        "ee": (4, 5, 3),
+        "rotation": (4, 5, 3),
+        "gripper": (4, 5),
+        "velocities": (4, 5, 7),
+        "command": (4, 5, 8),
+    }
+
+
+@pytest.mark.parametrize(("solid", "share"), [(False, 0.1), (False, 1.0), (True, 0.1)])
+def test_batch_and_environment_give_the_same_trajectories(solid: bool, share: float) -> None:
+    task = make_task(solid=solid, steps=40 if solid else 100)
+    _, reference = task.reference()
+    rng = np.random.default_rng(3)
+    commands = reference + share * task.command_scale * rng.standard_normal((4, *reference.shape))
+    commands[0, 10:, 1] = 1.5  # leans down to the table
+    batch = Simulator(task).rollout(np.zeros((8, 21)), commands, np.zeros_like(commands))
+    env = environment(task)
+    for i, length in enumerate(batch.lengths):
+        steps = [env.reset()]
+        while not steps[-1].last():
+            steps.append(env.step(commands[i, len(steps) - 1]))
+        single = np.array([flat(step) for step in steps])
+        assert len(single) == length
+        np.testing.assert_allclose(unwrapped(single - batch.features[i, :length]), 0, atol=1e-9)
+        assert steps[-1].discount == (0.0 if length < task.steps else 1.0)
+
+
+def test_touching_the_table_ends_the_episode() -> None:
+    task = make_task()
+    commands = np.zeros((2, 100, 8))
+    commands[1, 5:, 1] = 1.0
+    given = commands.copy()
+    batch = Simulator(task).rollout(np.zeros((8, 21)), commands, np.zeros_like(commands))
+    np.testing.assert_array_equal(commands, given)
+    assert batch.lengths[0] == 100
+    end = batch.lengths[1] - 1
+    height = batch.features[1, :, 16]
+    assert 5 < end < 99
+    assert height[end] < toast.TABLE_HEIGHT <= height[end - 1]
+    np.testing.assert_array_equal(batch.features[1, end:], np.tile(batch.features[1, end], (100 - end, 1)))
+
+
+def test_gravity_acts_and_is_compensated(physics: toast.Physics) -> None:
+    task = make_task()
+    np.testing.assert_array_equal(physics.model.opt.gravity, [0, 0, -9.81])
+    rest = np.zeros((1, 100, 8))
+    angles = Simulator(task).rollout(np.zeros((8, 21)), rest, rest).features[0, :, :7]
+    np.testing.assert_allclose(angles, np.tile(angles[0], (100, 1)), atol=1e-6)
+
+
+def test_timestep_is_short_enough() -> None:
+    task = make_task()
+    fine = etree.fromstring(toast.model_xml(solid=False))
+    fine.find("./option").set("timestep", "0.0005")
+    rng = np.random.default_rng(4)
+    commands = task.command_scale * 0.15 * rng.standard_normal((100, 8))
+    commands[:, 7] = np.repeat([0, 100, 0, 100, 0], 20)
+    paths = []
+    for physics in (
+        task.make_physics(),
+        toast.Physics.from_xml_string(etree.tostring(fine, encoding="unicode")),
+    ):
+        with physics.reset_context():
+            physics.data.qpos[:], physics.data.qvel[:] = task.initial_state()
+        path = []
+        for command in commands:
+            physics.set_control(command)
+            physics.step(round(0.05 / physics.timestep()))
+            path.append([*physics.end_effector(), 1e-3 * physics.gripper_position()])  # 1 mm weighs as much as 1 %
+        paths.append(path)
+    np.testing.assert_allclose(paths[0], paths[1], atol=4e-3)
+
+
+def test_gripper_closes_and_opens_within_one_sample() -> None:
+    task = make_task()
+    commands = np.zeros((1, 100, 8))
+    commands[:, 10:20, 7] = 100
+    gripper = Simulator(task).rollout(np.zeros((8, 21)), commands, np.zeros_like(commands)).features[0, :, 20]
+    np.testing.assert_allclose(gripper[[0, 10]], 0, atol=0.1)
+    np.testing.assert_allclose(gripper[[11, 20]], 100, atol=0.5)
+    np.testing.assert_allclose(gripper[21], 0, atol=0.5)
+
+
+def test_reference_starts_beside_the_toaster_and_ends_in_the_slot() -> None:
+    task = make_task()
+    features, commands = task.reference()
+    assert features.shape == (100, 21)
+    assert commands.shape == (100, 8)
+    positions = features[:, 14:17]
+    np.testing.assert_allclose(positions[0], [0.60, -0.62, -0.10], atol=1e-3)
+    np.testing.assert_allclose(positions[40], np.add(CONSTANTS["slot_centre"], [0, 0, 0.15]), atol=1e-3)
+    np.testing.assert_allclose(positions[60:], np.tile(CONSTANTS["slot_centre"], (40, 1)), atol=1e-3)
+    assert np.all(np.abs(commands[:, :7]) <= task.command_scale[:7])
+    assert set(commands[:, 7]) == {-20.0, 120.0}
+    assert not task.terminated(features).any()
+
+
+def test_reached_before_remembers() -> None:
+    distance = np.array([[0.1, 0.02, 0.1, 0.1], [0.02, 0.1, 0.1, 0.1], [0.1, 0.1, 0.1, 0.02]])
+    expected = [[False, False, True, True], [False, True, True, True], [False] * 4]
+    np.testing.assert_array_equal(toast.reached_before(distance, 0.03), expected)
+
+
+def test_comparison_reward_is_equation_3_9() -> None:
+    reward = toast.toast_rewards(toast.ToastReward(c1=2.0, c2=0.5, c3=0.1), CONSTANTS)["continuous"]
+    slot, toaster = np.array(CONSTANTS["slot_centre"]), np.array(CONSTANTS["toaster_centre"])
+    above = slot + np.array([0, 0, 0.1])
+    ee = np.array([above, slot, above])
+    gripper = np.array([20.0, 20.0, 20.0])
+    height = slot[2] - toaster[2]
+    expected = [
+        -2 * 0.1 + 0.5 * (height + 0.1) - 0.1 * 20,
+        0.5 * height - 0.1 * 20,
+        -2 * 0.1 + 0.5 * (height + 0.1) - 0.1 * 80,
+    ]
+    np.testing.assert_allclose(reward({"ee": ee, "gripper": gripper}), expected)
+    np.testing.assert_allclose(reward({"ee": np.stack([ee, ee]), "gripper": np.stack([gripper] * 2)}), [expected] * 2)
+
+
+def test_environment_rewards_with_memory() -> None:
+    task = make_task(steps=70)
+    _, commands = task.reference()
+    env = environment(task)
+    env.reset()
+    single = [env.step(command).reward for command in commands[:-1]]
+    batch = Simulator(task).rollout(np.zeros((8, 21)), commands[None], np.zeros((1, 70, 8)))
+    rewards = task.rewards["continuous"](task.signals(batch.features, batch.commands))
+    np.testing.assert_allclose(single, rewards[0, 1:], atol=1e-9)
+
+
+def test_training_scene_collides_with_nothing(physics: toast.Physics) -> None:
+    in_toaster = np.zeros(9)
+    in_toaster[:7] = [1.1646, -0.4606, -0.7726, 1.4906, 0.8919, 0.8986, -0.7207]
+    with physics.reset_context():
+        physics.data.qpos[:] = in_toaster
+    assert physics.data.ncon == 0
+    assert "bread" not in physics.model.id2name(physics.model.nbody - 1, "body")
+
+
+@pytest.mark.parametrize(("opening_step", "placed"), [(58, True), (20, False), (1000, False)])
+def test_bread_rests_in_the_slot_if_released_there(opening_step: int, placed: bool) -> None:
+    task = make_task(solid=True, opening_step=opening_step, steps=90)
+    features, commands = task.reference()
+    gain = -8 * task.feedback
+    batch = Simulator(task).rollout(gain, (commands - features @ gain.T)[None], np.zeros((1, 90, 8)))
+    assert task.bread_in_slot(batch.last_qpos, batch.last_qvel).tolist() == [placed]
+    start = [state[None] for state in task.initial_state()]
+    assert task.bread_in_slot(*start).tolist() == [False]
+
+
+def test_bread_is_held_by_friction_until_released() -> None:
+    task = make_task(solid=True, opening_step=1000, steps=60)
+    features, commands = task.reference()
+    gain = -8 * task.feedback
+    batch = Simulator(task).rollout(gain, (commands - features @ gain.T)[None], np.zeros((1, 60, 8)))
+    foot, hand = batch.last_qpos[0, 9:12], batch.features[0, -1, 14:17]
+    np.testing.assert_allclose(foot, hand - [0, 0, toast.BREAD_REACH], atol=0.006)
+    assert batch.features[0, 5:, 20].max() < 30  # closed, by the spec's delta_close, around a thick slice
+
+
+def test_both_scenes_move_the_arm_alike() -> None:
+    paths = []
+    for solid in (False, True):
+        task = make_task(solid=solid, steps=50)
+        features, commands = task.reference()
+        gain = -8 * task.feedback
+        batch = Simulator(task).rollout(gain, (commands - features @ gain.T)[None], np.zeros((1, 50, 8)))
+        paths.append(batch.features[0, :, 14:17])
+    np.testing.assert_allclose(paths[0], paths[1], atol=5e-3)
+
+
+def test_wrong_waypoints_are_told() -> None:
+    with pytest.raises(UserError, match="waypoint_steps"):
+        make_task(waypoint_steps=[0, 60, 40])
+    with pytest.raises(UserError, match="waypoint_steps"):
+        make_task(waypoint_steps=[0, 40])
+    with pytest.raises(UserError, match="joint angles"):
+        make_task(waypoints=[[0.0] * 6] * 3)
+    with pytest.raises(UserError, match="slot_centre"):
+        toast.toast_rewards(toast.ToastReward(), {})
+
+
+@pytest.mark.parametrize("opening_step", [52, 58, 1000])
+def test_rough_motion_violates_the_spec(opening_step: int) -> None:
+    task = make_task(opening_step=opening_step)
+    features, commands = task.reference()
+    gain = -8 * task.feedback
+    batch = Simulator(task).rollout(gain, (commands - features @ gain.T)[None], np.zeros((1, 100, 8)))
+    spec = load_spec(spec_path("toast.tltl"))
+    robustness = spec.robustness(task.signals(batch.features, batch.commands), batch.lengths)
+    assert -0.04 < robustness[0] < -0.001

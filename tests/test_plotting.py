@@ -1,0 +1,69 @@
+import numpy as np
+import pandas as pd
+import pytest
+
+from tltlrl.errors import UserError
+from tltlrl.plotting import LABELS, STYLES, bootstrap_band, plot_learning_curves, read_curves
+
+
+def curves(seeds=4, cases=tuple(LABELS)):
+    rng = np.random.default_rng(0)
+    return pd.DataFrame(
+        {"task": "reach_avoid", "case": case, "seed": seed, "iteration": i, "episodes": 20 * (i + 1),
+         "robustness_mean": -1 + 0.1 * i + rng.normal()}
+        for case in cases for seed in range(seeds) for i in range(10)
+    )  # fmt: skip
+
+
+def test_bootstrap_band_is_that_of_the_mean():
+    """With two values a and b the resampled mean is a, (a + b) / 2 or b: the 95 % band is from a to b."""
+    low, high = bootstrap_band(np.array([[0.0, 1.0], [5.0, 5.0]]))
+    np.testing.assert_allclose([low, high], [[0.0, 5.0], [1.0, 5.0]])
+
+
+def test_bootstrap_band_is_near_the_normal_interval_for_many_seeds():
+    values = np.random.default_rng(1).normal(size=(1, 400))
+    low, high = bootstrap_band(values)
+    half = 1.96 * values.std() / 20
+    np.testing.assert_allclose([low[0], high[0]], [values.mean() - half, values.mean() + half], atol=0.015)
+
+
+@pytest.mark.parametrize("seeds", [1, 2, 4])
+@pytest.mark.parametrize("panels", [1, 2])
+def test_figures_are_written_and_the_same_to_the_byte(tmp_path, seeds, panels):
+    for name in ("a", "b"):
+        plot_learning_curves([curves(seeds)] * panels, tmp_path / name)
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+    assert (tmp_path / "a.pdf").stat().st_size > 1000
+
+
+def test_infinite_robustness_does_not_break_the_figure(tmp_path):
+    frame = curves()
+    frame.loc[3, "robustness_mean"] = -np.inf
+    plot_learning_curves([frame], tmp_path / "a")
+
+
+def test_every_case_has_a_style_and_no_two_share_colour_or_dash():
+    assert STYLES.keys() == LABELS.keys()
+    assert len({str(style["linestyle"]) for style in STYLES.values()}) == len(STYLES)
+    assert len({style["color"] for style in STYLES.values()}) == len(STYLES)
+
+
+def test_colours_are_told_apart_in_grey():
+    """Luminance differs by at least 5 % between any two cases; the dashes do the rest."""
+    grey = sorted(
+        np.dot([int(style["color"][i : i + 2], 16) / 255 for i in (1, 3, 5)], [0.299, 0.587, 0.114])
+        for style in STYLES.values()
+    )
+    assert min(np.diff(grey)) > 0.05
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [(None, "cannot be read"), ("", "cannot be read"), ("task,case\n", "no column episodes, iteration")],
+)
+def test_a_folder_without_curves_is_told(tmp_path, content, message):
+    if content is not None:
+        (tmp_path / "learning_curves.csv").write_text(content)
+    with pytest.raises(UserError, match=message):
+        read_curves(tmp_path)

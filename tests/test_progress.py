@@ -1,0 +1,33 @@
+import io
+
+from tltlrl import progress
+from tltlrl.progress import Progress
+
+
+def test_plain_lines_without_a_terminal_count_and_estimate(tmp_path, monkeypatch):
+    clock = iter([0.0, 0.0] + [10.0 * i for i in range(1, 100)])
+    monkeypatch.setattr(progress.time, "monotonic", lambda: next(clock))
+    stream = io.StringIO()
+    with Progress(["a", "b"], 10, tmp_path / "log.txt", stream) as bar:
+        for i in range(1, 11):
+            bar.advance(0, i)
+        bar.end(0, None)
+        bar.end(1, ValueError("no signal"))
+    lines = stream.getvalue().splitlines()
+    assert any(line.startswith("0/2 done") and "left; a at iteration" in line for line in lines)
+    assert any(line.startswith("1/2 done") and line.endswith("a finished") for line in lines)
+    assert lines[-1].startswith("2/2 done, 1 failed")
+    assert lines[-1].endswith("b FAILED: ValueError: no signal")
+    log = (tmp_path / "log.txt").read_text().splitlines()
+    assert [line[20:] for line in log] == lines
+
+
+def test_lines_are_at_least_half_a_minute_apart(tmp_path, monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    stream = io.StringIO()
+    with Progress(["a"], 1000, tmp_path / "log.txt", stream) as bar:
+        for i in range(1000):
+            now[0] += 0.1
+            bar.advance(0, i + 1)
+    assert len(stream.getvalue().splitlines()) == 3  # 100 seconds

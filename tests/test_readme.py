@@ -1,0 +1,86 @@
+"""Every command and every line of code of the README, as written."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text()
+BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```", README, flags=re.MULTILINE | re.DOTALL)
+SHELL = [block for language, block in BLOCKS if language == "sh"]
+
+
+def shell(script, folder, **environment):
+    done = subprocess.run(
+        ["bash", "-euo", "pipefail", "-c", script],
+        cwd=folder,
+        env=os.environ | environment,
+        capture_output=True,
+        text=True,
+        timeout=400,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout + done.stderr
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """An empty folder that has this environment as its .venv."""
+    (tmp_path / ".venv").symlink_to(sys.prefix)
+    return tmp_path
+
+
+def test_the_two_commands_are_the_makefiles():
+    assert SHELL[0].split("\n") == ["make reproduce-figures", "make test", ""]
+    for command in ("reproduce-figures", "test", "bench"):
+        shell(f"make --dry-run {command}", ROOT)
+
+
+def test_ci_runs_the_test_command_and_nothing_else():
+    lines = [line for line in (ROOT / ".ci/run").read_text().splitlines() if line and not line.startswith("#")]
+    assert lines == ["set -euo pipefail", 'cd "$(dirname "$0")/.."', "make test"]
+
+
+def test_reproduce_figures_in_small(tmp_path):
+    """The make target itself, every experiment of it, at a small budget."""
+    if not (ROOT / ".venv" / ".ready").exists():
+        pytest.skip("needs the environment that make test sets up")
+    small = "seeds=2 trials=2 task.steps=40 algorithm.iterations=2 algorithm.samples=6"
+    shell(f"make reproduce-figures RUNS={tmp_path} OVERRIDES='{small}'", ROOT)
+    for name in ("figure_3_3.png", "figure_3_3.pdf", "reach_avoid/report.md"):
+        assert (tmp_path / name).stat().st_size > 0
+
+
+def test_write_your_own_spec(folder):
+    """Ten lines that work when typed, and learn."""
+    script = SHELL[1]
+    printed = shell(script, folder)
+    assert "success rate" in printed
+    assert (folder / "runs/my_task/tltl_episodic/seed_0/workspace.png").stat().st_size > 0
+    assert len(script.split("END\n")[0].splitlines()) <= 10
+
+
+def test_compare_rewards(folder):
+    shell(f". .venv/bin/activate\n{SHELL[2]}", folder)
+    assert (folder / "runs/small/learning_curves.png").stat().st_size > 0
+    assert len(SHELL) == 3  # and no block that is not tested
+
+
+def test_python_code_says_what_it_gives():
+    code = next(block for language, block in BLOCKS if language == "python")
+    names = {}
+    exec(code, names)
+    np.testing.assert_allclose(names["spec"].robustness({"x": names["x"]}), [0.1, -0.1])
+    assert "array([ 0.1, -0.1])" in code
+    assert names["env"].reset().first()
+
+
+@pytest.mark.parametrize("path", re.findall(r"\]\(([^)#:]+)\)", README) + re.findall(r"`(tltlrl/[\w/.]+)`", README))
+def test_every_path_exists(path):
+    assert (ROOT / path).exists()

@@ -1,0 +1,91 @@
+"""Is one case better than another? Paired over common seeds, exact, and corrected for asking several times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.stats import permutation_test
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Case `better` against case `other` by one measure, on n common seeds.
+
+    Attributes:
+      better, other: names of the cases.
+      measure: column of summary.csv.
+      seeds: n.
+      difference: mean over the seeds of better - other, in the measure's unit.
+      wins: P(better > other), the share of seed pairs (any seed against any) in which it is, ties counting half.
+      p: exact paired permutation test of the mean difference, two-sided, Holm-corrected over the family.
+    """
+
+    better: str
+    other: str
+    measure: str
+    seeds: int
+    difference: float
+    wins: float
+    p: float
+
+
+def compare(summary: pd.DataFrame, better: str, others: list[str], measure: str) -> list[Comparison]:
+    """One case against each of the others, as one family for Holm's correction.
+
+    Args:
+      summary: summary.csv; one row per case and seed.
+      better: the case that is asked about.
+      others: what it is compared with.
+      measure: column of `summary`.
+    """
+    table = summary.pivot(index="seed", columns="case", values=measure)
+    pairs = [table[[better, other]].dropna() for other in others]
+    p = holm(
+        [paired_p(pair[better].to_numpy(), pair[other].to_numpy()) for pair, other in zip(pairs, others, strict=True)]
+    )
+    return [
+        Comparison(
+            better,
+            other,
+            measure,
+            len(pair),
+            float((pair[better] - pair[other]).mean()),
+            probability_of_superiority(pair[better].to_numpy(), pair[other].to_numpy()),
+            p_value,
+        )
+        for pair, other, p_value in zip(pairs, others, p, strict=True)
+    ]
+
+
+def paired_p(a: Array, b: Array) -> float:
+    """Two-sided p of the mean of a - b under all 2^n exchanges within pairs; with n pairs at least 2^(1 - n)."""
+    if len(a) < 2 or np.array_equal(a, b):
+        return 1.0
+    result = permutation_test(
+        (a, b),
+        lambda x, y, axis: np.mean(x - y, axis=axis),
+        permutation_type="samples",
+        n_resamples=2 ** min(len(a), 16),
+        vectorized=True,
+        rng=np.random.default_rng(0),
+    )
+    return float(result.pvalue)
+
+
+def probability_of_superiority(a: Array, b: Array) -> float:
+    """P(A > B) over all pairs of seeds, ties counting half."""
+    return float(np.mean((a[:, None] > b) + 0.5 * (a[:, None] == b)))
+
+
+def holm(p: list[float]) -> list[float]:
+    """Holm's step-down correction: sorted p times the number of hypotheses left, never falling, at most 1."""
+    order = np.argsort(p)
+    scaled = np.array(p)[order] * np.arange(len(p), 0, -1)
+    adjusted = np.empty(len(p))
+    adjusted[order] = np.minimum(np.maximum.accumulate(scaled), 1.0)
+    return [float(value) for value in adjusted]

@@ -1,0 +1,91 @@
+"""A picture of the planar workspace: arm, regions of the spec, sampled paths and the mean path."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Patch, Rectangle
+
+from tltlrl.evaluation import mean_motion, trials
+from tltlrl.plotting import FONT, LABELS
+from tltlrl.policy import Policy
+from tltlrl.rollout import Simulator
+from tltlrl.spec import Spec
+from tltlrl.tasks.planar_arm import PlanarArm, joint_positions
+from tltlrl.training import Run
+
+POSES = 6  # of the arm, evenly spread over the motion
+
+
+def draw_workspace(run: Run, policy: Policy, path: Path, count: int = 20) -> None:
+    """The learned motion of the planar arm, as path.png and path.pdf.
+
+    Args:
+      run: of a planar task.
+      policy: learned by it.
+      path: without suffix.
+      count: sampled paths, with the policy's remaining exploration and the actuators' noise.
+    """
+    task = run.make_task()
+    assert isinstance(task, PlanarArm)
+    simulator = Simulator(task)
+    rng = np.random.default_rng([run.seed, run.algorithm.iterations])
+    sampled = simulator.rollout(policy.gain, policy.sample(count, rng), simulator.draw_command_noise(count, rng))
+    motion = mean_motion(simulator, policy)
+    signals = task.signals(motion.features, motion.commands)
+    robustness = run.spec.robustness(signals)[0]
+    tried = trials(simulator, policy, run.trials, rng)
+    satisfied = np.sum(run.spec.robustness(task.signals(tried.features, tried.commands)) > 0)
+
+    with mpl.rc_context(FONT):
+        figure = Figure(figsize=(4.8, 4.2), layout="constrained")
+        axes = figure.add_subplot()
+        _draw_regions(axes, run.spec)
+        for ee in task.signals(sampled.features, sampled.commands)["ee"]:
+            axes.plot(*ee.T, color="0.6", linewidth=0.4, zorder=2)
+        ee = signals["ee"][0]
+        axes.plot(*ee.T, color="black", linewidth=1.4, zorder=4)
+        axes.plot(*ee[0], "o", color="black", markersize=4, zorder=5)
+        axes.plot(*ee[-1], "s", color="black", markersize=4, zorder=5)
+        for i in np.linspace(0, task.steps - 1, POSES).astype(int):
+            joints = joint_positions(motion.features[0, i, :3], np.array(task.config.link_lengths))
+            axes.plot(*joints.T, "-o", color="#0072B2", alpha=0.15 + 0.6 * i / task.steps, markersize=2, zorder=3)
+        axes.set_aspect("equal")
+        axes.set_xlabel("x (m)")
+        axes.set_ylabel("y (m)")
+        axes.set_title(f"{task.name}: {LABELS.get(run.case.name, run.case.name)}, seed {run.seed}")
+        figure.supxlabel(
+            f"Robustness of the mean motion {robustness:+.3f} m; {satisfied} of {run.trials} noisy trials satisfy the "
+            f"spec.\nBlack: mean path of the end-effector (dot: start, square: end); grey: {count} sampled paths.\n"
+            f"Blue: {POSES} poses of the arm, later ones darker. Plain: regions by name; hatched: to be kept out of.",
+            fontsize=6.5,
+        )
+        for suffix, metadata in ((".png", {"Software": None}), (".pdf", {"CreationDate": None})):
+            figure.savefig(path.with_suffix(suffix), dpi=200, metadata=metadata)
+
+
+def _draw_regions(axes: Axes, spec: Spec) -> None:
+    """Every ball and box that the spec speaks of in the plane, with its name."""
+    for region in spec.regions:
+        if region.signal != "ee":
+            continue
+        if region.centre is not None:
+            x, y = region.centre
+            shape: Patch = Circle((x, y), region.radius or 0.0)
+        else:
+            assert region.lower is not None
+            assert region.upper is not None
+            (left, bottom), (right, top) = region.lower, region.upper
+            x, y = (left + right) / 2, (bottom + top) / 2
+            shape = Rectangle((left, bottom), right - left, top - bottom)
+        shape.set(facecolor="0.9", edgecolor="0.3", linewidth=0.8, hatch=None if region.inside else "////", zorder=1)
+        axes.add_patch(shape)
+        if region.inside:
+            axes.annotate(
+                region.name or "", (x, y), xytext=(0, -14), textcoords="offset points", ha="center", va="top",
+                fontsize=7, zorder=6,
+            )  # fmt: skip
