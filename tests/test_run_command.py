@@ -106,6 +106,24 @@ def test_manifest_says_what_it_was_made_with(undisturbed):
     assert manifest["ended"] >= manifest["started"]
 
 
+def test_a_manifest_repeats_its_experiment(undisturbed, tmp_path):
+    code, _, errors = run(tmp_path, "--from", str(undisturbed / "manifest.json"), f"runs_dir={tmp_path}/again")
+    assert code == 0, errors
+    assert contents(tmp_path / "again" / "small") == contents(undisturbed)
+    code, _, errors = run(tmp_path, "--from", str(undisturbed / "manifest.json"))
+    assert code == 0
+    assert "10 of 10 runs were done before and are kept" in errors
+
+
+@pytest.mark.parametrize("arguments", [("--from",), ("--from", "nothing.json"), ("--from", "{here}/config.yaml")])
+def test_what_is_no_manifest_is_told(undisturbed, tmp_path, arguments):
+    code, _, errors = run(tmp_path, *(argument.format(here=undisturbed) for argument in arguments))
+    assert code == 2
+    assert errors.startswith("tltl-run: ")
+    assert "manifest.json" in errors
+    assert len(errors.splitlines()) == 1
+
+
 def test_two_workers_write_the_same_bytes(undisturbed, tmp_path):
     code, _, errors = run(tmp_path, *SMALL, "workers=2")
     assert code == 0, errors
