@@ -36,7 +36,7 @@ Keys and their values for experiment={shown}:
 
 {config}
 Options
-  --from MANIFEST    repeat the experiment of a manifest.json: --from runs/NAME/manifest.json name=again
+  --from MANIFEST    repeat an experiment: --from runs/NAME/manifest.json name=again
   --cfg job          print the config with your overrides, and stop
   --config-dir DIR   look for experiments, tasks, rewards and algorithms of your own in DIR, too
   --help             this page
