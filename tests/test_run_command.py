@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
+import yaml
 
 SMALL = (
     "experiment=reach_avoid",
@@ -286,6 +287,19 @@ def test_a_mistake_through_the_real_command(tmp_path):
         2, "", "tltl-run: sedes: no such key; did you mean seeds?\n"
     )  # fmt: skip
     assert list(tmp_path.iterdir()) == []
+
+
+def test_multirun_gives_every_combination_a_folder_of_its_own(tmp_path):
+    small = [setting for setting in SMALL if not setting.startswith(("seeds", "algorithm.epsilon"))]
+    code, _, errors = run(tmp_path, "-m", *small, "cases=[tltl_episodic]", "algorithm.epsilon=0.4,0.5", "seeds=1,2")
+    assert code == 0, errors
+    folders = [path.parent for path in sorted(tmp_path.glob("runs/*/config.yaml"))]
+    found = {
+        (s["algorithm"]["epsilon"], s["seeds"])
+        for s in (yaml.safe_load((f / "config.yaml").read_text()) for f in folders)
+    }
+    assert found == {(0.4, 1), (0.4, 2), (0.5, 1), (0.5, 2)}
+    assert all((folder / "summary.csv").exists() for folder in folders)
 
 
 def test_help_is_for_people_who_do_not_know_hydra(tmp_path):

@@ -38,6 +38,7 @@ Keys and their values for experiment={shown}:
 Options
   --from MANIFEST    repeat an experiment: --from runs/NAME/manifest.json name=again
   --cfg job          print the config with your overrides, and stop
+  -m                 one experiment per combination: -m algorithm.epsilon=0.2,0.5 seeds=2
   --config-dir DIR   look for experiments, tasks, rewards and algorithms of your own in DIR, too
   --help             this page
 
@@ -189,6 +190,8 @@ def _hydra_run(arguments: list[str]) -> int:
 
 
 def _run(config: Any, arguments: list[str]) -> int:
+    from hydra.core.hydra_config import HydraConfig
+    from hydra.types import RunMode
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
 
@@ -198,6 +201,9 @@ def _run(config: Any, arguments: list[str]) -> int:
         settings: Any = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
     except OmegaConfBaseException as error:
         raise UserError(str(error).splitlines()[0]) from error
+    job = HydraConfig.get()
+    if job.mode == RunMode.MULTIRUN:  # or every combination would ask for the same folder
+        settings["name"] += "," + job.job.override_dirname.replace("/", "-")
     experiment = experiment_from(settings)
 
     from tltlrl.experiment import run_experiment  # pandas and matplotlib take a second that a mistake need not wait
