@@ -31,3 +31,14 @@ def test_lines_are_at_least_half_a_minute_apart(tmp_path, monkeypatch):
             now[0] += 0.1
             bar.advance(0, i + 1)
     assert len(stream.getvalue().splitlines()) == 3  # 100 seconds
+
+
+def test_what_an_earlier_session_did_does_not_shorten_the_estimate(tmp_path, monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    stream = io.StringIO()
+    with Progress(["a"], 200, tmp_path / "log.txt", stream) as bar:
+        for i in range(101, 141):  # went on from a checkpoint, one iteration a second
+            now[0] += 1.0
+            bar.advance(0, i)
+    assert stream.getvalue() == "0/1 done, 1 min 09 s left; a at iteration 131/200\n"

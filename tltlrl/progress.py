@@ -22,7 +22,7 @@ class Progress:
         self._ended = 0
         self._failed = 0
         self._start = self._last_line = time.monotonic()
-        self._begin: int | None = None
+        self._earlier = [0] * len(labels)  # iterations of an earlier session, which say nothing of the speed
         self._stream = stream
         self._log = open(log, "a", encoding="utf-8")  # noqa: SIM115  # closed by __exit__
         self._bar: Any = tqdm(
@@ -45,11 +45,10 @@ class Progress:
 
     def advance(self, index: int, iteration: int) -> None:
         """Run `index` has done `iteration` iterations."""
-        if self._begin is None:  # iterations of an earlier session are not counted in the speed
-            self._begin = sum(self._done)
+        if self._done[index] == 0:
+            self._earlier[index] = iteration - 1
         self._done[index] = iteration
-        self._bar.n = sum(self._done)
-        self._bar.refresh() if not self._bar.disable and iteration % 5 == 0 else None
+        self._bar.update(sum(self._done) - self._bar.n)
         if self._bar.disable and time.monotonic() - self._last_line > LINE_SECONDS:
             self._last_line = time.monotonic()
             self.say(f"{self._state()}; {self._labels[index]} at iteration {iteration}/{self._iterations}")
@@ -59,13 +58,14 @@ class Progress:
         self._ended += 1
         if error is None:
             self._done[index] = self._iterations
+            self._bar.update(sum(self._done) - self._bar.n)
             self.say(f"{self._state()}; {self._labels[index]} finished")
         else:
             self._failed += 1
             self.say(f"{self._state()}; {self._labels[index]} FAILED: {type(error).__name__}: {error}")
 
     def _state(self) -> str:
-        done = sum(self._done) - (self._begin or 0)
+        done = sum(self._done) - sum(self._earlier)
         remaining = len(self._labels) * self._iterations - sum(self._done)
         elapsed = time.monotonic() - self._start
         left = f", {_duration(elapsed / done * remaining)} left" if done and remaining else ""
