@@ -88,7 +88,7 @@ BREAD_HALF_THICKNESS = 0.012  # m
 FINGER_GAP = 0.008  # m, from the middle to each pad of the closed gripper
 BREAD_REACH = 0.09  # m, from the end-effector down to the foot of the slice it holds
 SLOT_DEPTH = 0.105  # m, from the toaster's top to the floor of the slot
-SLOT_HALF_SIZE = np.array([0.08, 0.025])  # m, x and y
+SLOT_HALF_SIZE = np.array([0.08, 0.03])  # m, x and y
 RESTING_HEIGHT = 0.02  # m, of the slice's foot above the slot's floor, at most
 RESTING_SPEED = 0.01  # m/s, of the slice, at most
 
