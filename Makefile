@@ -22,10 +22,13 @@ $(READY): pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
 	@touch $@
 
-## make reproduce-figures: figure 3.3 from runs at the case study's full budget, into runs/
+## make reproduce-figures: figures 3.3 and 3.4 from runs at the case study's full budget, into runs/
 reproduce-figures: $(READY)
 	$(BIN)/tltl-run experiment=reach_avoid runs_dir=$(RUNS) $(OVERRIDES)
-	$(BIN)/tltl plot $(RUNS)/reach_avoid --output $(RUNS)/figure_3_3
+	$(BIN)/tltl-run experiment=visit_in_order runs_dir=$(RUNS) $(OVERRIDES)
+	$(BIN)/tltl plot $(RUNS)/reach_avoid $(RUNS)/visit_in_order --output $(RUNS)/figure_3_3
+	$(BIN)/tltl-run experiment=toast runs_dir=$(RUNS) $(OVERRIDES)
+	$(BIN)/tltl plot $(RUNS)/toast --output $(RUNS)/figure_3_4
 
 ## make test: lint, types, tests, and a short run of each experiment through the real command
 test: lint types

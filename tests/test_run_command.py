@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
+import yaml
 
 SMALL = (
     "experiment=reach_avoid",
@@ -106,6 +107,24 @@ def test_manifest_says_what_it_was_made_with(undisturbed):
     assert manifest["ended"] >= manifest["started"]
 
 
+def test_a_manifest_repeats_its_experiment(undisturbed, tmp_path):
+    code, _, errors = run(tmp_path, "--from", str(undisturbed / "manifest.json"), f"runs_dir={tmp_path}/again")
+    assert code == 0, errors
+    assert contents(tmp_path / "again" / "small") == contents(undisturbed)
+    code, _, errors = run(tmp_path, "--from", str(undisturbed / "manifest.json"))
+    assert code == 0
+    assert "10 of 10 runs were done before and are kept" in errors
+
+
+@pytest.mark.parametrize("arguments", [("--from",), ("--from", "nothing.json"), ("--from", "{here}/config.yaml")])
+def test_what_is_no_manifest_is_told(undisturbed, tmp_path, arguments):
+    code, _, errors = run(tmp_path, *(argument.format(here=undisturbed) for argument in arguments))
+    assert code == 2
+    assert errors.startswith("tltl-run: ")
+    assert "manifest.json" in errors
+    assert len(errors.splitlines()) == 1
+
+
 def test_two_workers_write_the_same_bytes(undisturbed, tmp_path):
     code, _, errors = run(tmp_path, *SMALL, "workers=2")
     assert code == 0, errors
@@ -169,6 +188,23 @@ def test_overwrite_starts_again(tmp_path):
     code, _, errors = run(tmp_path, *SMALL, "seeds=[1]", "cases=[tltl_episodic]", "workers=1", "overwrite=true")
     assert code == 0, errors
     assert [p.name for p in (tmp_path / "runs" / "small" / "tltl_episodic").iterdir()] == ["seed_1"]
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_run_that_fails_is_told_the_others_go_on_and_the_exit_code_is_1(tmp_path, workers):
+    """The root has no value below a height that some seeds' first samples reach and others' do not."""
+    (tmp_path / "root.tltl").write_text("signal ee[2]\nconst low = 1.9\nspec: F G (sqrt(ee.y - low) > 0.3)\n")
+    settings = ("spec=root.tltl", "cases=[tltl_episodic]", "seeds=6", "algorithm.iterations=1", "task.steps=8")
+    code, _, errors = run(tmp_path, *SMALL, *settings, f"workers={workers}")
+    failed, finished = errors.count("FAILED: TraceError"), errors.count(" finished\n")
+    assert code == 1, errors
+    assert failed + finished == 6
+    assert failed > 0
+    assert finished > 0
+    assert "Traceback" not in errors
+    page = (tmp_path / "runs/small/summary.md").read_text()
+    assert page.count("- tltl_episodic/seed_") == failed
+    assert len((tmp_path / "runs/small/summary.csv").read_text().splitlines()) == 1 + finished
 
 
 MISTAKES = {
@@ -251,6 +287,19 @@ def test_a_mistake_through_the_real_command(tmp_path):
         2, "", "tltl-run: sedes: no such key; did you mean seeds?\n"
     )  # fmt: skip
     assert list(tmp_path.iterdir()) == []
+
+
+def test_multirun_gives_every_combination_a_folder_of_its_own(tmp_path):
+    small = [setting for setting in SMALL if not setting.startswith(("seeds", "algorithm.epsilon"))]
+    code, _, errors = run(tmp_path, "-m", *small, "cases=[tltl_episodic]", "algorithm.epsilon=0.4,0.5", "seeds=1,2")
+    assert code == 0, errors
+    folders = [path.parent for path in sorted(tmp_path.glob("runs/*/config.yaml"))]
+    found = {
+        (s["algorithm"]["epsilon"], s["seeds"])
+        for s in (yaml.safe_load((f / "config.yaml").read_text()) for f in folders)
+    }
+    assert found == {(0.4, 1), (0.4, 2), (0.5, 1), (0.5, 2)}
+    assert all((folder / "summary.csv").exists() for folder in folders)
 
 
 def test_help_is_for_people_who_do_not_know_hydra(tmp_path):

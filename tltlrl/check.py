@@ -233,7 +233,7 @@ def draw(spec: Spec, signals: Mapping[str, Array], why: Explanation, path: str |
     for axis in axes:
         axis.axvline(why.step, color="tab:red", linewidth=0.8, linestyle=(0, (1, 2)))
         axis.spines[["top", "right"]].set_visible(False)
-    decided = str(why).partition(": ")[2].partition(" (")[0]
+    decided = str(why).partition(": ")[2].rsplit(" (", 1)[0]
     if why.margin is not None:
         # On the predicate's own curve, where its sub-formula has one: a negation turns the value's sign.
         last.plot(why.step, why.margin, "o", color="tab:red", markersize=7, markerfacecolor="white", zorder=5)

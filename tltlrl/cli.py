@@ -36,7 +36,9 @@ Keys and their values for experiment={shown}:
 
 {config}
 Options
+  --from MANIFEST    repeat an experiment: --from runs/NAME/manifest.json name=again
   --cfg job          print the config with your overrides, and stop
+  -m                 one experiment per combination: -m algorithm.epsilon=0.2,0.5 seeds=2
   --config-dir DIR   look for experiments, tasks, rewards and algorithms of your own in DIR, too
   --help             this page
 
@@ -55,6 +57,8 @@ def run(arguments: list[str]) -> int:
         print(usage(), end="")
         return 0
     os.environ.setdefault("MUJOCO_GL", "disable")  # nothing here renders, and looking for a renderer takes a second
+    if arguments[:1] == ["--from"]:
+        return _told("tltl-run", lambda: _repeat(arguments))
     os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra raises what goes wrong, and it is told below
     sys.argv = ["tltl-run", *(_addable(argument) for argument in arguments)]
     return _told("tltl-run", lambda: _hydra_run(arguments))
@@ -142,6 +146,28 @@ def _addable(argument: str) -> str:
     return f"++{argument}" if argument.startswith("constants.") else argument
 
 
+def _repeat(arguments: list[str]) -> int:
+    """`--from MANIFEST [key=value ...]`: the experiment of a manifest.json, with other values for some keys."""
+    from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
+
+    from tltlrl.config import experiment_from
+    from tltlrl.manifest import settings_of
+
+    if len(arguments) < 2:
+        raise UserError("--from: give the manifest.json of an experiment, as in --from runs/NAME/manifest.json")
+    settings = settings_of(Path(arguments[1]))
+    try:
+        changed: Any = OmegaConf.merge(settings, OmegaConf.from_dotlist(arguments[2:]))
+    except OmegaConfBaseException as error:
+        raise UserError(f"--from: {str(error).splitlines()[0]}") from error
+    experiment = experiment_from(OmegaConf.to_container(changed))  # type: ignore[arg-type]
+
+    from tltlrl.experiment import run_experiment
+
+    return 0 if run_experiment(experiment, ["tltl-run", *arguments]) else 1
+
+
 def _hydra_run(arguments: list[str]) -> int:
     import hydra
     from hydra.errors import ConfigCompositionException, OverrideParseException
@@ -164,6 +190,8 @@ def _hydra_run(arguments: list[str]) -> int:
 
 
 def _run(config: Any, arguments: list[str]) -> int:
+    from hydra.core.hydra_config import HydraConfig
+    from hydra.types import RunMode
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
 
@@ -173,6 +201,9 @@ def _run(config: Any, arguments: list[str]) -> int:
         settings: Any = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
     except OmegaConfBaseException as error:
         raise UserError(str(error).splitlines()[0]) from error
+    job = HydraConfig.get()
+    if job.mode == RunMode.MULTIRUN:  # or every combination would ask for the same folder
+        settings["name"] += "," + job.job.override_dirname.replace("/", "-")
     experiment = experiment_from(settings)
 
     from tltlrl.experiment import run_experiment  # pandas and matplotlib take a second that a mistake need not wait
@@ -223,7 +254,7 @@ def usage() -> str:
 
     experiments = _names("experiment")
     shown = experiments[0]
-    config = yaml.safe_dump(compose([f"experiment={shown}"]), sort_keys=False, default_flow_style=None, width=86)
+    config = yaml.safe_dump(compose([f"experiment={shown}"]), sort_keys=False, default_flow_style=None, width=76)
     return USAGE.format(
         experiments=", ".join(experiments),
         specs=", ".join(path.name for path in sorted(SPECS.glob("*.tltl"))),

@@ -13,11 +13,14 @@ import signal
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
+from tltlrl.errors import UserError
 from tltlrl.training import Run, train
 
 TOPIC = "tltlrl-progress"
 REPORT_SECONDS = 0.5
+SCHEDULER_SECONDS = 10
 
 Job = tuple[Run, Path]
 OnProgress = Callable[[int, int], None]  # (index of the job, iterations done)
@@ -34,7 +37,7 @@ def run_all(jobs: list[Job], workers: int, address: str | None, on_progress: OnP
       on_progress, on_end: called in this process.
 
     Raises:
-      OSError: if the scheduler cannot be reached.
+      UserError: if the scheduler cannot be reached.
       KeyboardInterrupt: on Ctrl-C, after the local workers were stopped.
     """
     if address is None and workers == 1:
@@ -47,18 +50,19 @@ def run_all(jobs: list[Job], workers: int, address: str | None, on_progress: OnP
                 on_end(index, None)
         return
 
-    from distributed import Client, as_completed
+    from distributed import as_completed
 
-    with _cluster(workers, address) as scheduler, Client(scheduler, set_as_default=False) as client:
+    with _cluster(workers, address) as scheduler, _client(scheduler) as client:
         client.subscribe_topic(TOPIC, lambda event: on_progress(*event[1]))
         futures = {
             client.submit(_on_worker, index, run, folder, pure=False): index for index, (run, folder) in enumerate(jobs)
         }
         for future in as_completed(futures, loop=client.loop):
-            on_end(futures[future], future.exception() if future.status == "error" else None)
+            on_end(futures[future], future.exception() if future.status == "error" else future.result())
 
 
-def _on_worker(index: int, run: Run, folder: Path) -> None:
+def _on_worker(index: int, run: Run, folder: Path) -> Exception | None:
+    """The run's own error is a result: raised, Dask would log it as a fault of the worker."""
     from distributed import get_worker
 
     worker, last = get_worker(), 0.0
@@ -69,7 +73,22 @@ def _on_worker(index: int, run: Run, folder: Path) -> None:
             last = time.monotonic()
             worker.log_event(TOPIC, (index, iteration))
 
-    train(run, folder, report)
+    try:
+        train(run, folder, report)
+    except Exception as error:
+        return error
+    return None
+
+
+def _client(address: str) -> Any:
+    from distributed import Client
+
+    try:
+        return Client(address, set_as_default=False, timeout=SCHEDULER_SECONDS)
+    except (OSError, ValueError) as error:  # TimeoutError is an OSError
+        raise UserError(
+            f"engine.address: no scheduler answers at {address}; start one with `dask scheduler`, or leave it out"
+        ) from error
 
 
 @contextlib.contextmanager
@@ -93,10 +112,11 @@ def _cluster(workers: int, address: str | None) -> Iterator[str]:
     processes = [worker.pid for worker in cluster.workers.values()]
     try:
         yield cluster.scheduler_address
-    except BaseException:
+    except BaseException:  # Ctrl-C above all: nobody waits for workers in the middle of an iteration
         for process in processes:
             with contextlib.suppress(OSError):
                 os.kill(process, signal.SIGKILL)
+        with contextlib.suppress(TimeoutError):
+            cluster.close(timeout=1)
         raise
-    finally:
-        cluster.close(timeout=1)
+    cluster.close()

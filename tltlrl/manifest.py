@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import hashlib
 import importlib.metadata
+import json
 import os
 import platform
 import re
@@ -12,7 +13,9 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
-from tltlrl.config import Experiment
+from tltlrl.config import MACHINERY_DEFAULTS, Experiment
+from tltlrl.errors import UserError
+from tltlrl.resources import spec_path
 
 
 def manifest(experiment: Experiment, command: list[str], started: str | None = None) -> dict[str, Any]:
@@ -27,11 +30,33 @@ def manifest(experiment: Experiment, command: list[str], started: str | None = N
         "git": _git(),
         "platform": platform.platform(),
         "cpu": {"model": _cpu(), "count": os.cpu_count()},
-        "specs": {
-            Path(experiment.spec.path or "spec.tltl").name: hashlib.sha256(experiment.spec.text.encode()).hexdigest()
-        },
+        "specs": {Path(experiment.spec.path or "spec.tltl").name: sha256(experiment.spec.text)},
         "config": experiment.settings,
     }
+
+
+def settings_of(path: Path) -> dict[str, Any]:
+    """The config of a manifest.json, as a whole config: results beside the old ones, the spec's text as it was.
+
+    Raises:
+      UserError: if it cannot be read.
+    """
+    try:
+        content = json.loads(path.read_text())
+        settings = MACHINERY_DEFAULTS | content["config"] | {"runs_dir": str(path.resolve().parents[1])}
+        ((name, digest),) = content["specs"].items()
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise UserError(f"{path}: not the manifest.json of an experiment ({error})") from error
+    try:
+        unchanged = sha256(spec_path(settings["spec"]).read_text()) == digest
+    except UserError:
+        unchanged = False
+    return settings if unchanged else settings | {"spec": str(path.parent / "specs" / name)}
+
+
+def sha256(text: str) -> str:
+    """The digest of a spec's text."""
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _versions() -> dict[str, str]:

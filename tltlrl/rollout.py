@@ -82,15 +82,9 @@ class Simulator:
         sensors = np.empty((n, substeps, self._model.nsensordata))
         models, data = [self._model] * n, [self._data]
         transposed_gain = np.ascontiguousarray(gain.T)
-        lengths = np.full(n, steps)
-        ended = np.zeros(n, dtype=np.bool_)
         for t in range(steps):
             features[t] = task.features(state[:, 1 : 1 + nq], state[:, 1 + nq : 1 + nq + nv])
-            features[t, ended] = features[t - 1, ended]
             commands[t] += features[t] @ transposed_gain
-            ends = task.terminated(features[t]) & ~ended
-            lengths[ends] = t + 1
-            ended |= ends
             if t + 1 == steps:
                 break
             control[:] = (commands[t] + noise[t])[:, None]
@@ -105,9 +99,15 @@ class Simulator:
                 sensordata=sensors,
             )
             state[:] = states[:, -1]
+        # Whoever ended early was simulated to the end all the same, and is cut here.
+        ended = task.terminated(features.reshape(steps * n, -1)).reshape(steps, n)
+        lengths = np.where(ended.any(axis=0), ended.argmax(axis=0) + 1, steps)
+        for i in np.flatnonzero(lengths < steps):
+            features[lengths[i] :, i] = features[lengths[i] - 1, i]
         finite = np.isfinite(features).all(axis=2) & np.isfinite(commands).all(axis=2)
-        if not finite.all():
-            t, i = np.argwhere(~finite)[0]
+        wrong = ~finite & (np.arange(steps)[:, None] < lengths)
+        if wrong.any():
+            t, i = np.argwhere(wrong)[0]
             raise FloatingPointError(f"the simulation of {task.name} diverged: trajectory {i}, step {t}")
         return Trajectories(
             features.transpose(1, 0, 2),

@@ -1,5 +1,7 @@
 """The evaluator against the definition, and the laws that follow from the definition."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -73,7 +75,7 @@ def test_explanations_name_what_decides(f, batch):
 G, F, N, U, R, W, T = s.Always, s.Eventually, s.Not, s.Until, s.Release, s.WeakUntil, s.Then
 
 
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=60)
 @given(formulas(2), formulas(2), batches(max_steps=6), st.integers(0, 3), st.integers(0, 3))
 def test_dualities(p, q, batch, a, b):
     signals, lengths = batch
@@ -96,7 +98,7 @@ def test_dualities(p, q, batch, a, b):
             assert np.array_equal(values, declared(right).robustness_over_time(signals, lengths), equal_nan=True)
 
 
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=100)
 @given(comparisons, comparisons, comparisons, batches())
 def test_then_of_state_formulas(a, b, c, batch):
     """What DESIGN says follows from the definition."""
@@ -165,3 +167,23 @@ def test_the_horizon_holds(f, batch):
         for values in other.values():
             values[:, spec.horizon + 1 :] += 7
         assert spec.robustness(signals) == spec.robustness(other)
+
+
+@settings(deadline=None, max_examples=60)
+@given(comparisons, batches())
+def test_visit_once(g, batch):
+    """`G (g => X G !g)` has a way of its own for the value at the first sample."""
+    signals, lengths = batch
+    spec = declared(G(s.Implies(g, s.Next(G(N(g))))))
+    values = spec.robustness_over_time(signals, lengths)
+    for row, length in enumerate(lengths):
+        assert spec.robustness(cut(signals, row, length))[0] == values[row, 0]
+
+
+def test_threads_do_not_share_working_arrays():
+    spec = parse_spec("G (x > -1 => F x > 0) & (x > -1 U x > 1)")
+    generator = np.random.default_rng(0)
+    batches = [{"x": generator.normal(size=(20, 400))} for _ in range(40)]
+    expected = [spec.robustness(batch).tolist() for batch in batches]
+    with ThreadPoolExecutor(4) as pool:
+        assert [values.tolist() for values in pool.map(spec.robustness, batches)] == expected

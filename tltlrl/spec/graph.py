@@ -30,7 +30,8 @@ UFUNCS: dict[str, np.ufunc] = {
     "minimum": np.minimum,
     "maximum": np.maximum,
 }
-POINTWISE = {*UFUNCS, "norm", "squares", "signal", "constant"}
+ARITHMETIC = {*UFUNCS, "norm", "squares"}
+POINTWISE = {*ARITHMETIC, "signal", "constant"}
 # Not defined, or not finite, for some finite arguments: computed at every sample, so that a mistake is
 # never missed.
 PARTIAL = {"divide", "power", "sqrt", "exp"}
@@ -50,6 +51,7 @@ class Op:
     | norm, squares | | root of the sum of squares, the sum |
     | next | steps k, strong | argument at t + k; beyond the end -inf when strong, else +inf |
     | always, eventually | window or None | min, max over the window, None meaning to the end |
+    | second | | second smallest value of the argument over time (tltlrl.spec.shortcut) |
     | until, then | window or None, truncated | the definition; `truncated`: the left operand is temporal |
     """
 

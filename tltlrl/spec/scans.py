@@ -31,6 +31,13 @@ def reduced(fold: Fold, x: Array) -> Array:
     return column
 
 
+def second_smallest(x: Array) -> Array:
+    """The second smallest number of each row, as one column; inf where there is only one."""
+    rest = np.array(x)
+    rest[np.arange(len(x)), x.argmin(axis=1)] = np.inf
+    return reduced(np.minimum, rest)
+
+
 def suffixes(fold: Fold, x: Array, out: Array | None = None) -> Array:
     """Column t of the result is the fold over columns t, t+1, ... of x."""
     out = np.empty_like(x) if out is None else out

@@ -1,28 +1,29 @@
 """Robustness of a graph on batches of trajectories of one length.
 
-Arrays are (trajectories, steps). Each node is
-computed only at the steps that the wanted values depend on: a root F or G is one reduction, `F G p` is p at
-the last sample, a bounded formula looks at its horizon. What is wanted where depends on the length alone,
-so a plan is made once per length and reused.
+Arrays are (trajectories, steps). Each node is computed only at the steps that the wanted values depend on: a root
+F or G is one reduction, `F G p` is p at the last sample, a bounded formula looks at its horizon. What is wanted where
+depends on the length alone, so there is one plan for each length; and a program, whose operations are bound to their
+arrays, for each number of trajectories: running one costs little more than its NumPy calls.
 
-Time is linear in trajectories, steps and nodes; windows of any width cost the same. Only a left operand of
-U or T that holds temporal operators is evaluated once for each possible end of its slice, which costs
-steps^2 (and once more that factor for such an operand inside such an operand).
+Time is linear in trajectories, steps and nodes; it does not grow with the width of a window beyond a constant factor.
+Only a left operand of U or T that holds temporal operators is evaluated once for each possible end of its slice,
+which costs steps^2 (and once more that factor for such an operand inside such an operand).
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
-from operator import itemgetter
+from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
 from tltlrl.spec import scans
-from tltlrl.spec.graph import PARTIAL, UFUNCS, Array, Graph, Op, apply
+from tltlrl.spec.graph import ARITHMETIC, PARTIAL, UFUNCS, Array, Graph, Op, apply
 
 Steps = tuple[int, int]  # half-open
 Values = dict[int, Array]
 Signals = Mapping[tuple[str, int | None], Array]
-Compute = Callable[[Values, Signals, "Workspace"], Array]
+Operation = Callable[[], object]
+_KEPT = 4  # numbers of trajectories that a plan keeps programs for
 
 # What has to hold before the first step.
 _HELD = {"until": np.inf, "then": -np.inf}
@@ -37,69 +38,105 @@ _EMPTY = {
 }
 
 
-class Workspace:
-    """Arrays that are used again and again: memory that is already in the cache, and in the process.
+@dataclass(frozen=True, slots=True)
+class Program:
+    """A plan for a certain number of trajectories: every array exists, every operation knows its own."""
 
-    Taking and giving back are single operations on a list, so that threads may share one.
-    """
+    inputs: tuple[tuple[tuple[str, int | None], Steps, Array], ...]
+    operations: tuple[tuple[int, Operation], ...]
+    arrays: Mapping[int, Array]  # those of nodes that are dead at the end are overwritten by later nodes
 
-    def __init__(self, size: int) -> None:
-        self.size, self.free = size, list[Array]()
-
-    def take(self, count: int, steps: int) -> Array:
-        """An uninitialised (count, steps) array."""
-        try:
-            flat = self.free.pop()
-        except IndexError:
-            flat = np.empty(self.size)
-        return flat[: count * steps].reshape(count, steps)
-
-    def give(self, x: Array) -> None:
-        """Take back an array that nobody reads any more, if it came from here."""
-        if isinstance(x.base, np.ndarray) and x.base.shape == (self.size,):
-            self.free.append(x.base)
+    def run(self, signals: Signals) -> None:
+        """Fill the arrays. Raises FloatingPointError where an expression has no finite value."""
+        for key, (start, stop), array in self.inputs:
+            array[:] = signals[key][:, start:stop]
+        with np.errstate(divide="raise", over="raise", invalid="raise", under="ignore"):
+            for _, operation in self.operations:
+                operation()
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """How to compute some nodes on trajectories of one length: instructions in order, what to forget when."""
+    """How to compute some nodes on trajectories of one length: nodes in order, and what to forget when."""
 
     graph: Graph
+    end: int
     roots: tuple[int, ...]
     steps: Mapping[int, Steps]  # node -> the steps it is computed at
-    instructions: tuple[tuple[int, Compute, tuple[int, ...]], ...]
-    constants: Mapping[int, Array]
-    workspace: Workspace
+    order: tuple[tuple[int, tuple[int, ...]], ...]
+    programs: dict[int, list[Program]] = field(default_factory=dict)  # number of trajectories -> idle ones
 
-    def run(self, signals: Signals, given: Values | None = None, workspace: Workspace | None = None) -> Values:
-        """The values of the plan's roots. Raises FloatingPointError where an expression has no finite value."""
-        values: Values = {**self.constants, **(given or {})}
-        space = workspace or self.workspace
-        with np.errstate(divide="raise", over="raise", invalid="raise", under="ignore"):
-            for node, compute, dead in self.instructions:
-                values[node] = compute(values, signals, space)
-                for forgotten in dead:
-                    space.give(values.pop(forgotten))
-        return {root: values[root] for root in self.roots}
+    def run(self, signals: Signals) -> Values:
+        """The values of the plan's roots. Raises FloatingPointError where an expression has no finite value.
+
+        Programs are kept for the next call; each is used by one caller at a time.
+        """
+        count = len(next(iter(signals.values())))
+        idle = self.programs.setdefault(count, [])
+        try:
+            program = idle.pop()
+        except IndexError:
+            program = self.program(count, {})
+        program.run(signals)
+        values = {root: program.arrays[root].copy() for root in self.roots}
+        if len(self.programs) <= _KEPT:
+            idle.append(program)
+        else:
+            self.programs.clear()
+        return values
+
+    def program(self, count: int, given: Values) -> Program:
+        """The plan for `count` trajectories. `given` are the values of nodes that it does not compute."""
+        arrays: Values = dict(given)
+        inputs, operations = [], []
+        free: list[Array] = []
+        largest = count * max((b - a for a, b in self.steps.values()), default=0)
+
+        def take(steps: int) -> Array:
+            flat = free.pop() if free else np.empty(largest)
+            return flat[: count * steps].reshape(count, steps)
+
+        def give(array: Array) -> None:
+            if isinstance(array.base, np.ndarray):
+                free.append(array.base)
+
+        for node, dead in self.order:
+            op, (a, b) = self.graph.ops[node], self.steps[node]
+            if op.name == "constant":
+                arrays[node] = np.asarray(self.graph.constant(node))
+                continue
+            out = np.empty((count, b - a)) if node in self.roots else take(b - a)
+            arrays[node] = out
+            if op.name == "signal":
+                name, part = op.data
+                inputs.append(((str(name), part if isinstance(part, int) else None), (a, b), out))
+            else:
+                scratch = take(b - a)
+                operations.append((node, _operation(self.graph, node, self.steps, self.end, arrays, out, scratch)))
+                give(scratch)
+            for forgotten in dead:
+                give(arrays[forgotten])
+        return Program(tuple(inputs), tuple(operations), arrays)
 
     def failure(self, signals: Signals) -> tuple[int, int, int]:
         """Node, step and trajectory of the first value that is not finite, after `run` has raised."""
-        values: Values = {**self.constants}
+        program = self.program(len(next(iter(signals.values()))), {})
+        for key, (start, stop), array in program.inputs:
+            array[:] = signals[key][:, start:stop]
         with np.errstate(all="ignore"):
-            for node, compute, _ in self.instructions:
-                values[node] = compute(values, signals, self.workspace)
-                if self.graph.pointwise[node] and not np.isfinite(values[node]).all():
-                    bad = ~np.isfinite(values[node])
+            for node, operation in program.operations:
+                operation()
+                bad = ~np.isfinite(program.arrays[node])
+                if bad.any() and self.graph.pointwise[node]:
                     row = int(np.argmax(bad.any(axis=1)))
                     return node, self.steps[node][0] + int(np.argmax(bad[row])), row
         raise AssertionError("no expression fails")
 
 
-def plan(graph: Graph, roots: Mapping[int, Steps], end: int, given: Iterable[int] = (), block: int = 0) -> Plan:
+def plan(graph: Graph, roots: Mapping[int, Steps], end: int, given: Iterable[int] = ()) -> Plan:
     """Plan the values of `roots` at their steps, on slices that end before step `end`.
 
-    `given` nodes need not be computed: `Plan.run` receives them, for exactly the steps that the plan asks for.
-    `block` is the number of samples of a signal that a run will get at most.
+    `given` nodes are not computed: `Plan.program` receives them, for exactly the steps that the plan asks for.
     """
     known = set(given)
     steps: dict[int, Steps] = {}
@@ -118,22 +155,15 @@ def plan(graph: Graph, roots: Mapping[int, Steps], end: int, given: Iterable[int
         if node in steps and node not in known:
             for child, wanted in _demands(graph, node, steps[node], end):
                 demand(child, wanted)
-    constants = {n: np.asarray(graph.constant(n)) for n in steps if graph.ops[n].name == "constant"}
-    order = [node for node in sorted(steps) if node not in known and node not in constants]
-    kept = {*roots, *known, *constants}
+    order = [node for node in sorted(steps) if node not in known]
+    kept = {*roots, *known}
     last = {child: node for node in order for child, _ in _demands(graph, node, steps[node], end)}
     dead: dict[int, list[int]] = {node: [] for node in order}
     for child, node in last.items():
-        if child in steps and child not in kept:
+        # A signal's array is filled before all operations and so is never lent to another node.
+        if child in steps and child not in kept and graph.ops[child].name not in {"constant", "signal"}:
             dead[node].append(child)
-    return Plan(
-        graph,
-        tuple(roots),
-        steps,
-        tuple((node, _compute(graph, node, steps, end, node in roots), tuple(dead[node])) for node in order),
-        constants,
-        Workspace(max(block, end)),
-    )
+    return Plan(graph, end, tuple(roots), steps, tuple((node, tuple(dead[node])) for node in order))
 
 
 def _leaves(graph: Graph, root: int) -> list[int]:
@@ -173,6 +203,8 @@ def _demands(graph: Graph, node: int, steps: Steps, end: int) -> list[tuple[int,
             return [(op.args[0], (a, end))] if last is None else [(last, (end - 1, end))]
         case (("always" | "eventually"), ((int(low), int(high)),)):
             return [(op.args[0], (a + low, min(b + high, end)))]
+        case "second", _:
+            return [(op.args[0], (a, end))]
         case "until", (None, False):
             return [(op.args[0], (a, end - 1)), (op.args[1], (a, end))]
         case "then", (None, False):
@@ -183,76 +215,30 @@ def _demands(graph: Graph, node: int, steps: Steps, end: int) -> list[tuple[int,
             return [(child, steps) for child in op.args]
 
 
-def _compute(graph: Graph, node: int, steps: Mapping[int, Steps], end: int, fresh: bool) -> Compute:
-    """The function that computes a node at its steps from its arguments at theirs.
-
-    Its result shares no memory with its arguments; a `fresh` one none with the workspace either.
-    """
+def _operation(
+    graph: Graph, node: int, steps: Mapping[int, Steps], end: int, arrays: Values, out: Array, scratch: Array
+) -> Operation:
+    """The function that writes a node's values to `out`, from the arrays of its arguments; `scratch` is free."""
     op, (a, b) = graph.ops[node], steps[node]
-    width = b - a
+    demands = [(child, wanted) for child, wanted in _demands(graph, node, (a, b), end) if wanted[0] < wanted[1]]
 
-    def reader(child: int, wanted: Steps) -> Callable[[Values], Array]:
-        if graph.ops[child].name == "constant" or steps[child] == wanted:
-            return itemgetter(child)
-        start, stop = wanted[0] - steps[child][0], wanted[1] - steps[child][0]
-        return lambda values: values[child][:, start:stop]
+    def view(child: int, wanted: Steps) -> Array:
+        if graph.ops[child].name == "constant":
+            return arrays[child]
+        return arrays[child][:, wanted[0] - steps[child][0] : wanted[1] - steps[child][0]]
 
-    demands = _demands(graph, node, (a, b), end)
-    reads = [reader(child, wanted) for child, wanted in demands if wanted[0] < wanted[1]]
-
-    def room(signals: Signals, space: Workspace) -> Array:
-        count = len(next(iter(signals.values())))
-        return np.empty((count, width)) if fresh or width == 1 else space.take(count, width)
-
-    if op.name == "signal":
-        name, part = op.data
-        key = (str(name), part if isinstance(part, int) else None)
-
-        def copy_signal(_: Values, signals: Signals, space: Workspace) -> Array:
-            out = room(signals, space)
-            out[:] = signals[key][:, a:b]
-            return out
-
-        return copy_signal
-    if op.name in UFUNCS and len(reads) == 2:
-        (first, second), ufunc = reads, UFUNCS[op.name]
-        if width == 1:  # too small to be worth a place in the workspace
-            return lambda values, *_: ufunc(first(values), second(values))
-
-        def binary(values: Values, signals: Signals, space: Workspace) -> Array:
-            result: Array = ufunc(first(values), second(values), out=room(signals, space))
-            return result
-
-        return binary
-    if graph.pointwise[node] or op.name in UFUNCS:
-
-        def pointwise(values: Values, signals: Signals, space: Workspace) -> Array:
-            out = room(signals, space)
-            scratch = space.take(*out.shape) if op.name in {"norm", "squares"} else None
-            apply(op, [read(values) for read in reads], out, scratch)
-            if scratch is not None:
-                space.give(scratch)
-            return out
-
-        return pointwise
-    if op.data[-1] is True and op.name in {"until", "then"}:
-        return _truncated(graph, op, (a, b), steps, end)
-    temporal = _temporal(graph, op, width, end)
-
-    def beyond(_: Values, signals: Signals, space: Workspace) -> Array:
-        out = room(signals, space)
-        out[:] = _EMPTY[op.name, op.data[-1] is True]
-        return out
-
-    if not reads:
-        return beyond
-
-    def read_all(values: Values, signals: Signals, space: Workspace) -> Array:
-        out = room(signals, space)
-        temporal([read(values) for read in reads], out)
-        return out
-
-    return read_all
+    if op.name in {"until", "then"} and op.data[1] is True:
+        return partial(_truncated, graph, op, (a, b), steps, end, arrays, out, _truncated_plans(graph, op, a, end))
+    args = [view(child, wanted) for child, wanted in demands]
+    if op.name in UFUNCS and len(args) <= 2:
+        return partial(UFUNCS[op.name], *args, out=out)
+    if op.name in ARITHMETIC:
+        return partial(apply, op, args, out, scratch)
+    if op.name == "second":
+        return lambda: np.copyto(out, scans.second_smallest(args[0]))
+    if not args:
+        return partial(out.fill, _EMPTY[op.name, op.data[-1] is True])
+    return partial(_temporal(graph, op, b - a, end), args, out)
 
 
 def _temporal(graph: Graph, op: Op, width: int, end: int) -> Callable[[list[Array], Array], object]:
@@ -318,36 +304,44 @@ def _temporal(graph: Graph, op: Op, width: int, end: int) -> Callable[[list[Arra
     return lambda args, out: np.copyto(out, scans.windows(fold, scans.padded(args[0], width + size - 1, empty), size))
 
 
-def _truncated(graph: Graph, op: Op, wanted: Steps, steps: Mapping[int, Steps], end: int) -> Compute:
-    """U and T whose left operand holds temporal operators: it is evaluated on each slice [t, t') that it
-    is read on."""
+def _truncated_plans(graph: Graph, op: Op, start: int, end: int) -> dict[int, Plan]:
+    """For each possible end of the left operand's slice, how to compute that operand from its state formulas."""
+    p, leaves = op.args[0], _leaves(graph, op.args[0])
+    return {stop: plan(graph, {p: (start, stop)}, stop, leaves) for stop in range(start + 1, end)}
+
+
+def _truncated(
+    graph: Graph,
+    op: Op,
+    wanted: Steps,
+    steps: Mapping[int, Steps],
+    end: int,
+    arrays: Values,
+    out: Array,
+    plans: Mapping[int, Plan],
+) -> None:
+    """U and T whose left operand holds temporal operators: it is evaluated on each slice that it is read on."""
     (a, b), (p, q) = wanted, op.args
     window, fold, empty = op.data[0], np.minimum if op.name == "until" else np.maximum, _HELD[op.name]
     low, high = window if isinstance(window, tuple) else (0, end)
-    leaves = _leaves(graph, p)
-    plans = {stop: plan(graph, {p: (a, stop)}, stop, leaves) for stop in range(a + 1, end)}
-
-    def compute(values: Values, signals: Signals, space: Workspace) -> Array:
-        right = values[q][:, a - steps[q][0] : end - steps[q][0]]
-        out = np.full((len(right), b - a), -np.inf)
-        # `stop` is the t' of the definition; it concerns those t for which it lies in t + [low, high].
-        for stop in range(a + low, end):
-            first, last = max(a, stop - high), min(b, stop - low + 1)
-            if first >= last:
-                continue
-            held = np.full((len(right), last - first), empty)
-            strict = min(last, stop) - first  # the t < t'; at t = t' nothing has to hold
-            if strict > 0:
-                inner = plans[stop]
-                given = {
-                    leaf: values[leaf][:, s[0] - steps[leaf][0] : s[1] - steps[leaf][0]]
-                    for leaf in leaves
-                    if (s := inner.steps.get(leaf)) is not None
-                }
-                before = inner.run(signals, given, space)[p]
-                held[:, :strict] = scans.suffixes(fold, before[:, first - a :])[:, :strict]
-            part = out[:, first - a : last - a]
-            np.maximum(part, np.minimum(held, right[:, stop - a, None]), out=part)
-        return out
-
-    return compute
+    right = arrays[q][:, a - steps[q][0] : end - steps[q][0]]
+    out[:] = -np.inf
+    # `stop` is the t' of the definition; it concerns those t for which it lies in t + [low, high].
+    for stop in range(a + low, end):
+        first, last = max(a, stop - high), min(b, stop - low + 1)
+        if first >= last:
+            continue
+        held = np.full((len(right), last - first), empty)
+        strict = min(last, stop) - first  # the t < t'; at t = t' nothing has to hold
+        if strict > 0:
+            inner = plans[stop]
+            given = {
+                leaf: arrays[leaf][:, s[0] - steps[leaf][0] : s[1] - steps[leaf][0]]
+                for leaf in _leaves(graph, p)
+                if (s := inner.steps.get(leaf)) is not None
+            }
+            program = inner.program(len(right), given)
+            program.run({})
+            held[:, :strict] = scans.suffixes(fold, program.arrays[p][:, first - a :])[:, :strict]
+        part = out[:, first - a : last - a]
+        np.maximum(part, np.minimum(held, right[:, stop - a, None]), out=part)

@@ -1,8 +1,10 @@
 """An equal but cheaper graph for the value at the first sample alone.
 
-There a G or F is one reduction over time, and reductions may change places with monotone operations: G (p & q) is
-G p & G q, the minimum of distance - radius over time is the smallest distance - radius, and the smallest distance
-is the root of the smallest squared one. Rounding is monotone too, so the values are the same to the last bit.
+There a G or F is one reduction over time, and reductions may change places with monotone operations: G (p &
+q) is G p & G q, the minimum of distance - radius over time is the smallest distance - radius, and the
+smallest distance is the root of the smallest squared one. `G (g => X G !g)`, visit g once, is the min over
+pairs of samples of the larger of two values of !g, and so its second smallest value over time. Rounding is
+monotone too, so the values are the same to the last bit.
 """
 
 from tltlrl.spec.graph import Graph
@@ -29,9 +31,26 @@ def at_start(graph: Graph, root: int) -> int:
             equal[node] = graph.add(op.name, *(equal[arg] for arg in op.args))
         elif op.name in _DUAL and op.data == (None,) and graph.pointwise[op.args[0]]:
             equal[node] = _reduction(graph, op.name, op.args[0], _DEEPEST)
+        elif (once := _once(graph, node)) is not None:
+            equal[node] = graph.add("second", once)
         else:
             equal[node] = node
     return equal[root]
+
+
+def _once(graph: Graph, node: int) -> int | None:
+    """The p of `G (p | X G p)`, if the node is one and p a state formula."""
+    op = graph.ops[node]
+    if op.name != "always" or op.data != (None,) or graph.ops[op.args[0]].name != "maximum":
+        return None
+    pair = graph.ops[op.args[0]].args
+    for p, later in (pair, pair[::-1]) if len(pair) == 2 else ():
+        rest = graph.ops[later]
+        if graph.pointwise[p] and rest.name == "next" and rest.data == (1, False):
+            inner = graph.ops[rest.args[0]]
+            if inner.name == "always" and inner.data == (None,) and inner.args == (p,):
+                return p
+    return None
 
 
 def _reduction(graph: Graph, name: str, node: int, depth: int) -> int:

@@ -152,7 +152,7 @@ class Spec:
         return tuple(explain(self._meaning, self._source.name, batch.single(row)) for row in range(batch.count))
 
     def _make_plan(self, roots: tuple[int, ...], end: int, first: bool) -> Plan:
-        return plan(self._meaning.graph, dict.fromkeys(roots, (0, 1) if first else (0, end)), end, block=BLOCK)
+        return plan(self._meaning.graph, dict.fromkeys(roots, (0, 1) if first else (0, end)), end)
 
     def _run(
         self, batch: "_Batch", rows: slice, block: Signals, roots: tuple[int, ...], first: bool

@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from tltlrl.tasks.task import Array, Quantity, Signals, StepReward, Task, required_constants
 
 JOINTS = ("joint_1", "joint_2", "joint_3")
+HEADING = np.triu(np.ones((3, 3)))  # angles @ HEADING: each link's angle from the x axis, the sum of those before it
 
 
 @dataclass(frozen=True)
@@ -148,7 +149,10 @@ class PlanarArm(Task):
 
     def features(self, qpos: Array, qvel: Array) -> Array:
         """Angles, velocities and the end-effector's position by the arm's forward kinematics."""
-        return np.concatenate([qpos, qvel, forward_kinematics(qpos, self._link_lengths)], axis=-1)
+        features = np.empty((len(qpos), 8))
+        features[:, 0:3], features[:, 3:6] = qpos, qvel
+        features[:, 6:8] = forward_kinematics(qpos, self._link_lengths)
+        return features
 
     def signals(self, features: Array, commands: Array) -> Signals:
         """`ee` (m), `angles` (rad), `velocities` (rad/s) and `command` (rad/s, as the policy sent it)."""
@@ -285,13 +289,15 @@ def _distance(points: Array, centre: Array) -> Array:
 
 def forward_kinematics(angles: Array, link_lengths: Array) -> Array:
     """End of the last link: (..., 3) joint angles in rad, (3,) lengths in m => (..., 2) in m."""
-    heading = np.cumsum(angles, axis=-1)
-    return np.stack([np.cos(heading) @ link_lengths, np.sin(heading) @ link_lengths], axis=-1)
+    heading = angles @ HEADING
+    position = np.empty((*angles.shape[:-1], 2))
+    position[..., 0], position[..., 1] = np.cos(heading) @ link_lengths, np.sin(heading) @ link_lengths
+    return position
 
 
 def joint_positions(angles: Array, link_lengths: Array) -> Array:
     """Base, both inner joints and the end-effector: (..., 3) rad, (3,) m => (..., 4, 2) m."""
-    heading = np.cumsum(angles, axis=-1)
+    heading = angles @ HEADING
     links = np.stack([np.cos(heading), np.sin(heading)], axis=-1) * link_lengths[:, None]
     return np.concatenate([np.zeros_like(links[..., :1, :]), np.cumsum(links, axis=-2)], axis=-2)
 
