@@ -19,6 +19,11 @@ from tltlrl.tasks.task import environment
 
 CONSTANTS = {"slot_centre": (0.70, -0.35, 0.05), "toaster_centre": (0.70, -0.35, -0.105)}
 HALF_PI = np.pi / 2
+INTO_SLOT = [  # waypoints of a motion that comes down where the slot is
+    [0.6596, -0.3849, -0.7403, 1.4209, 0.9226, 0.9014, -1.1426],
+    [1.2677, -0.8194, -1.0383, 1.4059, 0.6475, 1.3470, -0.5761],
+    [1.2024, -0.6364, -0.8936, 1.5043, 0.7856, 1.0891, -0.6536],
+]
 
 # Origin (m) and roll, pitch, yaw (fixed axes) of each joint's frame in its parent's; range (rad), speed (rad/s),
 # effort (N m).
@@ -247,15 +252,16 @@ def test_gripper_closes_and_opens_within_one_sample() -> None:
     np.testing.assert_allclose(gripper[21], 0, atol=0.5)
 
 
-def test_reference_starts_beside_the_toaster_and_ends_in_the_slot() -> None:
+def test_reference_starts_beside_the_toaster_and_ends_beside_the_slot() -> None:
     task = make_task()
     features, commands = task.reference()
     assert features.shape == (100, 21)
     assert commands.shape == (100, 8)
     positions = features[:, 14:17]
     np.testing.assert_allclose(positions[0], [0.60, -0.62, -0.10], atol=1e-3)
-    np.testing.assert_allclose(positions[40], np.add(CONSTANTS["slot_centre"], [0, 0, 0.15]), atol=1e-3)
-    np.testing.assert_allclose(positions[60:], np.tile(CONSTANTS["slot_centre"], (40, 1)), atol=1e-3)
+    np.testing.assert_allclose(positions[40], np.add(CONSTANTS["slot_centre"], [0, -0.03, 0.15]), atol=1e-3)
+    beside_slot = np.add(CONSTANTS["slot_centre"], [0, -0.03, 0])
+    np.testing.assert_allclose(positions[60:], np.tile(beside_slot, (40, 1)), atol=1e-3)
     assert np.all(np.abs(commands[:, :7]) <= task.command_scale[:7])
     assert set(commands[:, 7]) == {-20.0, 120.0}
     assert not task.terminated(features).any()
@@ -303,9 +309,15 @@ def test_training_scene_collides_with_nothing(physics: toast.Physics) -> None:
     assert "bread" not in physics.model.id2name(physics.model.nbody - 1, "body")
 
 
-@pytest.mark.parametrize(("opening_step", "placed"), [(58, True), (20, False), (1000, False)])
-def test_bread_rests_in_the_slot_if_released_there(opening_step: int, placed: bool) -> None:
-    task = make_task(solid=True, opening_step=opening_step, steps=90)
+@pytest.mark.parametrize(
+    ("waypoints", "opening_step", "placed"),
+    [(INTO_SLOT, 58, True), (INTO_SLOT, 20, False), (INTO_SLOT, 1000, False), (None, 52, False)],
+)
+def test_bread_rests_in_the_slot_if_released_there(
+    waypoints: list[list[float]] | None, opening_step: int, placed: bool
+) -> None:
+    waypoints = waypoints or toast.ToastConfig().waypoints
+    task = make_task(solid=True, waypoints=waypoints, opening_step=opening_step, steps=90)
     features, commands = task.reference()
     gain = -8 * task.feedback
     batch = Simulator(task).rollout(gain, (commands - features @ gain.T)[None], np.zeros((1, 90, 8)))
@@ -315,7 +327,7 @@ def test_bread_rests_in_the_slot_if_released_there(opening_step: int, placed: bo
 
 
 def test_bread_is_held_by_friction_until_released() -> None:
-    task = make_task(solid=True, opening_step=1000, steps=60)
+    task = make_task(solid=True, waypoints=INTO_SLOT, opening_step=1000, steps=60)
     features, commands = task.reference()
     gain = -8 * task.feedback
     batch = Simulator(task).rollout(gain, (commands - features @ gain.T)[None], np.zeros((1, 60, 8)))
