@@ -32,7 +32,7 @@ def tltl(capsys, *arguments):
 def test_evaluate_counts_its_trials_and_repeats_with_the_same_seed(experiment, capsys):
     code, first, _ = tltl(capsys, "evaluate", experiment / RUN, "--trials", 7, "--seed", 3)
     assert code == 0
-    trials = re.findall(r"^trial (\d): robustness ([+-][\d.]+), (satisfied|violated)$", first, flags=re.MULTILINE)
+    trials = re.findall(r"^trial (\d): robustness ([+-][\d.]+), (satisfied|violated)\b", first, flags=re.MULTILINE)
     assert [int(number) for number, _, _ in trials] == list(range(7))
     assert all((float(value) > 0) == (verdict == "satisfied") for _, value, verdict in trials)
     satisfied = sum(verdict == "satisfied" for _, _, verdict in trials)

@@ -94,24 +94,25 @@ def _evaluate(arguments: argparse.Namespace) -> int:
     import numpy as np
     from scipy.stats import binomtest
 
-    from tltlrl.evaluation import trials
     from tltlrl.experiment import open_run
-    from tltlrl.rollout import Simulator
+    from tltlrl.training import try_policy
 
     if arguments.trials < 1 or arguments.seed < 0:
         raise UserError("--trials must be at least 1 and --seed at least 0")
     run, policy = open_run(arguments.run)
-    task = run.make_task()
-    motion = trials(Simulator(task), policy, arguments.trials, np.random.default_rng(arguments.seed))
-    robustness = run.spec.robustness(task.signals(motion.features, motion.commands))
-    for trial, value in enumerate(robustness):
-        print(f"trial {trial}: robustness {value:+.4f}, {'satisfied' if value > 0 else 'violated'}")
-    successes = int(np.sum(robustness > 0))
-    interval = binomtest(successes, arguments.trials).proportion_ci(method="wilson")
-    print(
-        f"success rate {successes}/{arguments.trials} = {successes / arguments.trials:.2f} "
-        f"(95 % Wilson interval {interval.low:.2f} to {interval.high:.2f})"
-    )
+    tried = try_policy(run, policy, arguments.trials, np.random.default_rng(arguments.seed))
+    for trial, why in enumerate(run.spec.explain(tried.signals, tried.lengths)):
+        verdict = "satisfied" if why.satisfied else "violated"
+        decided = f"; decided by {why.predicate} at step {why.step}" if why.predicate else ""
+        judged = "".join(f"; {name}: {'yes' if values[trial] else 'no'}" for name, values in tried.outcomes.items())
+        print(f"trial {trial}: robustness {why.value:+.4f}, {verdict}{decided}{judged}")
+    for name, successes in {"success": tried.robustness > 0, **tried.outcomes}.items():
+        count = int(np.sum(successes))
+        interval = binomtest(count, arguments.trials).proportion_ci(method="wilson")
+        print(
+            f"{name} rate {count}/{arguments.trials} = {count / arguments.trials:.2f} "
+            f"(95 % Wilson interval {interval.low:.2f} to {interval.high:.2f})"
+        )
     return 0
 
 

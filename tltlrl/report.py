@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 from scipy.stats import binomtest
@@ -39,7 +40,7 @@ def write_report(folder: Path, experiment: Experiment, failures: Mapping[str, st
     plot_learning_curves([curves], folder / "learning_curves")
 
 
-def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, float]]) -> pd.DataFrame:
+def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) -> pd.DataFrame:
     """One row per case and seed: the learned policy's worth, and when it first was worth something.
 
     Args:
@@ -64,6 +65,7 @@ def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, float]]
                 "trials": done["trials"],
                 "successes": done["successes"],
                 "success_rate": done["successes"] / done["trials"],
+                **done["outcomes"],
             }
         )
     return pd.DataFrame(rows).astype({"first_satisfied_iteration": "Int64"})
@@ -71,6 +73,7 @@ def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, float]]
 
 def summary_page(experiment: Experiment, summary: pd.DataFrame, failures: Mapping[str, str]) -> str:
     """summary.md: one line per case."""
+    judged = list(summary.columns[list(summary.columns).index("success_rate") + 1 :])
     lines = [
         f"# {experiment.name}",
         "",
@@ -79,8 +82,9 @@ def summary_page(experiment: Experiment, summary: pd.DataFrame, failures: Mappin
         "Robustness is that of the spec for every case, whatever it was trained on; above 0 the spec is satisfied.",
         "",
         "| case | satisfied | robustness of the mean policy, median (min to max) | first satisfied iteration, median "
-        "| robustness of samples, last iteration | successful trials (95 % Wilson interval) |",
-        "|---|---|---|---|---|---|",
+        "| robustness of samples, last iteration | successful trials (95 % Wilson interval) |"
+        + "".join(f" trials with {name.replace('_', ' ')} |" for name in judged),
+        "|---|---|---|---|---|---|" + "---|" * len(judged),
     ]
     for case, rows in summary.groupby("case", sort=False):
         policy, first = rows["robustness_policy"], rows["first_satisfied_iteration"].dropna()
@@ -91,6 +95,7 @@ def summary_page(experiment: Experiment, summary: pd.DataFrame, failures: Mappin
             f"| {f'{first.median():.0f}' if len(first) else 'never'} "
             f"| {rows['robustness_mean_last'].mean():.3f} "
             f"| {rows['successes'].sum()} of {rows['trials'].sum()} ({interval.low:.3f} to {interval.high:.3f}) |"
+            + "".join(f" {rows[name].sum()} of {rows['trials'].sum()} |" for name in judged)
         )
     return "\n".join([*lines, *_failure_lines(failures)]) + "\n"
 

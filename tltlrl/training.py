@@ -8,6 +8,7 @@ share their noise (common random numbers).
 from __future__ import annotations
 
 import csv
+import dataclasses
 import time
 import zipfile
 from collections.abc import Callable
@@ -145,6 +146,10 @@ class Run:
         hand_made = {} if self.case.reward == "tltl" else entry.rewards(self.reward, self.spec.constants)
         return entry.make(self.task, hand_made)
 
+    def make_evaluation_task(self) -> Task:
+        """The task as learned policies are tried on it: the same, or a more truthful scene if the task has one."""
+        return dataclasses.replace(self, task=task_entry(self.task.name).evaluation(self.task)).make_task()
+
 
 def initial_policy(task: Task, algorithm: AlgorithmConfig) -> Policy:
     """u_t = u_ref_t + K (s_t - s_ref_t) + noise, the noise a share of each command's full size."""
@@ -161,11 +166,13 @@ class Iteration:
     Attributes:
       policy: the next one.
       record: the columns of progress.csv that depend on the iteration alone.
+      env_steps: samples of its trajectories, those after an early end not counted.
       physics_seconds: time in simulation.
     """
 
     policy: Policy
     record: dict[str, float]
+    env_steps: int
     physics_seconds: float
 
 
@@ -198,7 +205,8 @@ def iterate(run: Run, task: Task, simulator: Simulator, policy: Policy, iteratio
         "entropy": policy.entropy(),
     }
     following = Policy(policy.gain, update.mean, update.covariance, policy.correlation)
-    return Iteration(following, {name: float(value) for name, value in record.items()}, physics_seconds)
+    env_steps = int(trajectories.lengths[:samples].sum())
+    return Iteration(following, {name: float(value) for name, value in record.items()}, env_steps, physics_seconds)
 
 
 def learn(
@@ -236,7 +244,7 @@ def train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     task = run.make_task()
     simulator = Simulator(task)
-    first, policy = resume(folder, initial_policy(task, run.algorithm))
+    first, policy, env_steps = resume(folder, initial_policy(task, run.algorithm))
     same = {
         "task": task.name,
         "case": run.case.name,
@@ -255,8 +263,8 @@ def train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
             start = time.perf_counter()
             result = iterate(run, task, simulator, policy, i)
             policy = result.policy
-            episodes = (i + 1) * run.algorithm.samples
-            counts = {"iteration": i, "episodes": episodes, "env_steps": episodes * task.steps}
+            env_steps += result.env_steps
+            counts = {"iteration": i, "episodes": (i + 1) * run.algorithm.samples, "env_steps": env_steps}
             progress_rows.writerow(same | counts | result.record)
             seconds = time.perf_counter() - start
             timing_rows.writerow({"iteration": i, "seconds": seconds, "physics_seconds": result.physics_seconds})
@@ -264,25 +272,33 @@ def train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
             if time.monotonic() - last_checkpoint > CHECKPOINT_SECONDS:
                 progress.flush()
                 timing.flush()
-                write_arrays(folder / CHECKPOINT, iteration=i + 1, mean=policy.mean, covariance=policy.covariance)
+                write_arrays(
+                    folder / CHECKPOINT,
+                    iteration=i + 1,
+                    env_steps=env_steps,
+                    mean=policy.mean,
+                    covariance=policy.covariance,
+                )
                 last_checkpoint = time.monotonic()
     finish(run, task, simulator, policy, folder)
 
 
-def resume(folder: Path, start: Policy) -> tuple[int, Policy]:
-    """Iterations done and the policy after them; cuts the CSV files back to the checkpoint.
+def resume(folder: Path, start: Policy) -> tuple[int, Policy, int]:
+    """Iterations done, the policy and the samples after them; cuts the CSV files back to the checkpoint.
 
     Without a checkpoint, or with one that cannot be read or that has more iterations than progress.csv, the run
     starts again from `start`.
     """
-    iteration, policy = 0, start
+    iteration, policy, env_steps = 0, start, 0
     try:
         saved = read_arrays(folder / CHECKPOINT)
         rows = (folder / PROGRESS).read_text().splitlines(keepends=True)
         timing = (folder / TIMING).read_text().splitlines(keepends=True)
         done = int(saved["iteration"])
         if min(len(rows), len(timing)) > done and saved["mean"].shape == start.mean.shape:
-            iteration, policy = done, Policy(start.gain, saved["mean"], saved["covariance"], start.correlation)
+            env_steps = int(saved["env_steps"])
+            policy = Policy(start.gain, saved["mean"], saved["covariance"], start.correlation)
+            iteration = done
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         pass
     if iteration:
@@ -291,18 +307,15 @@ def resume(folder: Path, start: Policy) -> tuple[int, Policy]:
     else:
         (folder / PROGRESS).unlink(missing_ok=True)
         (folder / TIMING).unlink(missing_ok=True)
-    return iteration, policy
+    return iteration, policy, env_steps
 
 
 def finish(run: Run, task: Task, simulator: Simulator, policy: Policy, folder: Path) -> None:
     """Judges the learned policy and writes policy.npz and done.json."""
-
-    def robustness(motion: Any) -> Array:
-        return run.spec.robustness(task.signals(motion.features, motion.commands), motion.lengths)
-
-    of_policy = float(robustness(mean_motion(simulator, policy))[0])
+    motion = mean_motion(simulator, policy)
+    of_policy = float(run.spec.robustness(task.signals(motion.features, motion.commands), motion.lengths)[0])
     rng = np.random.default_rng([run.seed, run.algorithm.iterations, run.trials])
-    of_trials = robustness(trials(simulator, policy, run.trials, rng))
+    tried = try_policy(run, policy, run.trials, rng)
     write_arrays(
         folder / POLICY,
         gain=policy.gain,
@@ -317,7 +330,33 @@ def finish(run: Run, task: Task, simulator: Simulator, policy: Policy, folder: P
             "robustness_policy": of_policy,
             "satisfied": of_policy > 0,
             "trials": run.trials,
-            "successes": int(np.sum(of_trials > 0)),
+            "successes": int(np.sum(tried.robustness > 0)),
+            "outcomes": {name: int(np.sum(values)) for name, values in tried.outcomes.items()},
         },
     )
     (folder / CHECKPOINT).unlink(missing_ok=True)
+
+
+@dataclass(frozen=True)
+class Trials:
+    """Trials of a learned policy, in the evaluation scene, with the actuators' noise.
+
+    Attributes:
+      robustness: of each trial, shape (count,).
+      outcomes: what the task judges by other means than the spec: name -> whether, shape (count,).
+      signals, lengths: of the trials, for explanations.
+    """
+
+    robustness: Array
+    outcomes: dict[str, NDArray[np.bool_]]
+    signals: Signals
+    lengths: NDArray[np.int64]
+
+
+def try_policy(run: Run, policy: Policy, count: int, rng: np.random.Generator) -> Trials:
+    """`count` trials of the mean policy."""
+    task = run.make_evaluation_task()
+    motion = trials(Simulator(task), policy, count, rng)
+    signals = task.signals(motion.features, motion.commands)
+    robustness = run.spec.robustness(signals, motion.lengths)
+    return Trials(robustness, task.outcomes(motion.last_qpos, motion.last_qvel), signals, motion.lengths)

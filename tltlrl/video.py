@@ -47,7 +47,7 @@ def render_motion(run: Run, policy: Policy, path: Path) -> None:
 
 def motion_frames(run: Run, policy: Policy) -> list[Frame]:
     """One picture per sample, (HEIGHT, WIDTH, 3): the environment stepped with the mean policy's commands."""
-    task = run.make_task()
+    task = run.make_evaluation_task()
     task.command_noise = np.zeros_like(task.command_noise)
     task.rewards[task.environment_reward] = lambda signals: np.zeros(next(iter(signals.values())).shape[:2])
     commands = mean_motion(Simulator(task), policy).commands[0]

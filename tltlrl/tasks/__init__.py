@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -29,6 +30,7 @@ class TaskEntry:
       rewards: (coefficients, spec constants) => the hand-made rewards by name.
       make: (config, rewards, random) => the task.
       hand_made: names of the hand-made rewards.
+      evaluation: the config of the scene that learned policies are tried in, from that of training.
     """
 
     config: type
@@ -36,6 +38,7 @@ class TaskEntry:
     rewards: Callable[[Any, Mapping[str, Any]], dict[str, StepReward]]
     make: Callable[..., Task]
     hand_made: tuple[str, ...] = ("discrete", "continuous")
+    evaluation: Callable[[Any], Any] = lambda config: config
 
 
 TASKS: dict[str, TaskEntry] = {
@@ -52,7 +55,12 @@ TASKS: dict[str, TaskEntry] = {
         planar_arm.PlanarArm,
     ),
     "toast": TaskEntry(
-        toast.ToastConfig, toast.ToastReward, toast.toast_rewards, toast.Toast, hand_made=("continuous",)
+        toast.ToastConfig,
+        toast.ToastReward,
+        toast.toast_rewards,
+        toast.Toast,
+        hand_made=("continuous",),
+        evaluation=lambda config: dataclasses.replace(config, solid=True),
     ),
 }
 

@@ -103,6 +103,10 @@ class Task(control.Task, abc.ABC):  # type: ignore[misc]  # dm_control has no ty
         """Whether an episode ends at a sample: features (N, n) => (N,). Never, unless a task says otherwise."""
         return np.zeros(len(features), dtype=np.bool_)
 
+    def outcomes(self, last_qpos: Array, last_qvel: Array) -> dict[str, NDArray[np.bool_]]:  # noqa: ARG002
+        """What can be judged of trials by other means than the spec, from their last states (N, nq) and (N, nv)."""
+        return {}
+
     @abc.abstractmethod
     def observe(self, physics: mujoco.Physics) -> collections.OrderedDict[str, Array]:
         """The features of one live physics, in the order of `observation`."""

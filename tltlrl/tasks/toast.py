@@ -269,6 +269,10 @@ class Toast(Task):
         features = self.features(np.concatenate([angles, fingers], axis=-1), speeds)
         return features, np.column_stack([speeds, gripper])
 
+    def outcomes(self, last_qpos: Array, last_qvel: Array) -> dict[str, NDArray[np.bool_]]:
+        """Whether the bread rests in the slot, where there is bread."""
+        return {"bread_in_slot": self.bread_in_slot(last_qpos, last_qvel)} if self.config.solid else {}
+
     def bread_in_slot(self, qpos: Array, qvel: Array) -> NDArray[np.bool_]:
         """Whether the slice rests in the slot in each state of the evaluation scene: (N, nq), (N, nv) => (N,)."""
         physics = self.make_physics()
