@@ -2,9 +2,9 @@
 
 Only ratios matter, since returns are normalised: the first coefficient stays fixed. Episode-based and step-based REPS
 are searched apart, on seeds that no reported experiment uses. Every point of the grid is trained at the full budget
-in the kinematic model of the arm (see benchmarks.lockstep), then the best ones again in MuJoCo. A point is judged by
-the spec's robustness of the final mean policy, averaged over the seeds. The full table goes to
-docs/grid_search_<task>.csv.
+in the kinematic model of the arm (see benchmarks.lockstep), then the best ones of the continuous reward again in
+MuJoCo; of the discrete reward it is only asked whether its relative sizes matter. A point is judged by the spec's
+robustness of the final mean policy, averaged over the seeds. The full table goes to docs/grid_search_<task>.csv.
 
     python -m benchmarks.grid_search reach_avoid visit_in_order
 """
@@ -119,7 +119,7 @@ def main(arguments: list[str]) -> None:
             tables.append(search(task, case, grid, a.seeds, True, a.iterations))
             best = ranking(tables[-1], keys)
             print(f"\n{task} {case}, kinematic\n{best}", flush=True)
-            if a.finalists:
+            if reward == "continuous" and a.finalists:
                 finalists = best.head(a.finalists).reset_index()[keys].to_dict("records")
                 tables.append(search(task, case, finalists, a.seeds, False, a.iterations))
                 print(f"\n{task} {case}, MuJoCo\n{ranking(tables[-1], keys)}", flush=True)
