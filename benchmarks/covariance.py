@@ -212,7 +212,7 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--task", default="reach_avoid")
     parser.add_argument("--case", default="tltl_episodic")
     parser.add_argument("--settings", nargs="+", type=parse_setting, default=[])
-    parser.add_argument("--seeds", type=int, default=10, help="seeds 0 .. n-1")
+    parser.add_argument("--seeds", nargs="+", type=int, default=[10], help="n for 0 .. n-1, or m n for m .. n-1")
     parser.add_argument("--kinematic", action="store_true")
     parser.add_argument("--iterations", type=int)
     parser.add_argument("--results", type=Path, default=RESULTS)
@@ -221,7 +221,7 @@ def main(arguments: list[str]) -> None:
         print(table(pd.read_csv(a.results)))
         return
     for setting in a.settings:
-        rows = run(a.task, a.case, setting, list(range(a.seeds)), a.kinematic, a.iterations)
+        rows = run(a.task, a.case, setting, list(range(*a.seeds)), a.kinematic, a.iterations)
         print(table(rows).splitlines()[-1], f"{rows['seconds'].iloc[0]} s per run", flush=True)
         rows.to_csv(a.results, mode="a", header=not a.results.exists(), index=False)
 
