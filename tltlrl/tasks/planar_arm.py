@@ -69,7 +69,7 @@ class ReachAvoidReward:
     goal: float = 5.0
     obstacle: float = -2.0
     c1: float = 1.0
-    c2: float = 0.1
+    c2: float = 0.02
 
 
 @dataclass(frozen=True)
