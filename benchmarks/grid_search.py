@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import functools
 import itertools
 import sys
 from collections.abc import Sequence
@@ -66,7 +67,7 @@ def _train(
     learners = [
         Learner(
             seed,
-            lambda *arguments: fit(*arguments, a.covariance, a.kept),
+            functools.partial(fit, rule=a.covariance, kept=a.kept),
             a.epsilon,
             _with(base, point).make_task().rewards[base.case.reward],
             base.case.algorithm == "step",
@@ -120,7 +121,9 @@ def main(arguments: list[str]) -> None:
             best = ranking(tables[-1], keys)
             print(f"\n{task} {case}, kinematic\n{best}", flush=True)
             if reward == "continuous" and a.finalists:
-                finalists = best.head(a.finalists).reset_index()[keys].to_dict("records")
+                finalists = [
+                    dict(zip(keys, point, strict=True)) for point in best.index.to_frame().head(a.finalists).values
+                ]
                 tables.append(search(task, case, finalists, a.seeds, False, a.iterations))
                 print(f"\n{task} {case}, MuJoCo\n{ranking(tables[-1], keys)}", flush=True)
             a.output.mkdir(exist_ok=True)
