@@ -11,7 +11,7 @@ OVERRIDES :=
 export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
 
-.PHONY: help reproduce-figures test lint types bench clean
+.PHONY: help reproduce-figures test lint types bench grid-search clean
 
 help:
 	@grep -E '^## ' $(MAKEFILE_LIST) | sed 's/^## //'
@@ -44,6 +44,10 @@ types: $(READY)
 ## make bench: measured speeds beside their targets
 bench: $(READY)
 	$(BIN)/python -m benchmarks
+
+## make grid-search: coefficients of the hand-made rewards on seeds of their own, into docs/grid_search_*.csv
+grid-search: $(READY)
+	$(BIN)/python -m benchmarks.grid_search reach_avoid visit_in_order
 
 ## make clean: remove the environment and the caches; results in runs/ stay
 clean:

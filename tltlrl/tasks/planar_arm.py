@@ -69,7 +69,7 @@ class ReachAvoidReward:
     goal: float = 5.0
     obstacle: float = -2.0
     c1: float = 1.0
-    c2: float = 0.1
+    c2: float = 0.02
 
 
 @dataclass(frozen=True)
@@ -89,8 +89,8 @@ class VisitInOrderReward:
     wrong_order: float = -5.0
     obstacle: float = -2.0
     c1: float = 1.0
-    c2: float = 0.1
-    c3: float = 0.1
+    c2: float = 0.2
+    c3: float = 0.05
 
 
 class Physics(mujoco.Physics):  # type: ignore[misc]  # dm_control has no types
