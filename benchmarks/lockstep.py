@@ -80,7 +80,9 @@ class Kinematic(Simulator):
                 np.add(angles[t], CONTROL_TIMESTEP * velocities[t + 1], out=angles[t + 1])
         ee = forward_kinematics(angles, np.array(config.link_lengths))
         features = np.concatenate([angles, velocities, ee], axis=-1)
-        return Trajectories(features.transpose(1, 0, 2), commands.transpose(1, 0, 2))
+        return Trajectories(
+            features.transpose(1, 0, 2), commands.transpose(1, 0, 2), np.full(n, steps), angles[-1], velocities[-1]
+        )
 
 
 def train(

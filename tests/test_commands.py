@@ -90,7 +90,7 @@ def test_plot_of_what_is_not_an_experiment_is_told(tmp_path, capsys):
 
 def test_evaluate_refuses_nonsense(experiment, capsys):
     code, _, errors = tltl(capsys, "evaluate", experiment / RUN, "--trials", 0)
-    assert (code, errors) == (2, "tltl: --trials must be at least 1 and --seed at least 0\n")
+    assert (code, errors) == (2, "tltl: --trials must lie between 1 and 10000, and --seed be at least 0\n")
 
 
 def test_a_policy_file_with_pickled_objects_is_refused(experiment, tmp_path, capsys):

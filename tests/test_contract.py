@@ -8,11 +8,13 @@ from absl.testing import absltest
 from dm_env import test_utils
 
 import tltlrl
+from tltlrl.cli import compose
+from tltlrl.config import experiment_from
 from tltlrl.policy import Policy
 from tltlrl.resources import SPECS
 from tltlrl.rollout import Simulator
 from tltlrl.spec import load_spec
-from tltlrl.tasks import TASKS
+from tltlrl.tasks import TASKS, make_default
 from tltlrl.tasks.task import environment
 from tltlrl.training import AlgorithmConfig, initial_policy
 
@@ -20,9 +22,7 @@ SPEC_NAMES = sorted(path.stem for path in SPECS.glob("*.tltl"))
 
 
 def make(name):
-    entry = TASKS[name]
-    constants = load_spec(SPECS / f"{name}.tltl").constants
-    return entry.make(entry.config(name=name), entry.rewards(entry.reward(), constants), random=0)
+    return make_default(name, random=0)
 
 
 @pytest.fixture(scope="module", params=sorted(TASKS))
@@ -95,6 +95,12 @@ def test_same_noise_same_trajectories(task):
         for rng in (np.random.default_rng(1), np.random.default_rng(1))
     )
     np.testing.assert_array_equal(first.features, second.features)
+
+
+def test_load_task_is_the_task_of_its_experiment(task):
+    config = experiment_from(compose([f"experiment={task.name}"]))
+    assert config.runs()[-1].make_task().steps == task.steps == {"toast": 100, "reach_avoid": 200}.get(task.name, 500)
+    assert tltlrl.load_task(task.name)._step_limit == pytest.approx(task.steps - 1.5)
 
 
 def test_environment_with_the_same_seed_is_the_same():

@@ -70,5 +70,6 @@ def test_a_scheduler_that_is_not_there_is_told(tmp_path):
         cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False,
     )  # fmt: skip
     assert done.returncode == 2
-    assert "engine.address: no scheduler answers at tcp://127.0.0.1:1" in done.stderr
+    assert "engine.address: no scheduler answers at tcp://127.0.0.1:1 (" in done.stderr
+    assert not (tmp_path / "runs").exists()
     assert "Traceback" not in done.stderr

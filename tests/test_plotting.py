@@ -60,7 +60,12 @@ def test_colours_are_told_apart_in_grey():
 
 @pytest.mark.parametrize(
     ("content", "message"),
-    [(None, "cannot be read"), ("", "cannot be read"), ("task,case\n", "no column episodes, iteration")],
+    [
+        ("task,case,seed,iteration,episodes,robustness_mean\n", "empty"),
+        (None, "cannot be read"),
+        ("", "cannot be read"),
+        ("task,case\n", "no column episodes, iteration"),
+    ],
 )
 def test_a_folder_without_curves_is_told(tmp_path, content, message):
     if content is not None:

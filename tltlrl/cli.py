@@ -15,6 +15,8 @@ from tltlrl.errors import UserError, nearest
 from tltlrl.resources import CONFIGS, SPECS
 from tltlrl.spec import SpecError, TraceError
 
+MOST_TRIALS = 10_000  # they are one batch
+
 USAGE = """\
 tltl-run: learn a robot task from its temporal-logic spec, and compare rewards over seeds.
 
@@ -97,8 +99,8 @@ def _evaluate(arguments: argparse.Namespace) -> int:
     from tltlrl.experiment import open_run
     from tltlrl.training import try_policy
 
-    if arguments.trials < 1 or arguments.seed < 0:
-        raise UserError("--trials must be at least 1 and --seed at least 0")
+    if not 1 <= arguments.trials <= MOST_TRIALS or arguments.seed < 0:
+        raise UserError(f"--trials must lie between 1 and {MOST_TRIALS}, and --seed be at least 0")
     run, policy = open_run(arguments.run)
     tried = try_policy(run, policy, arguments.trials, np.random.default_rng(arguments.seed))
     for trial, why in enumerate(run.spec.explain(tried.signals, tried.lengths)):
@@ -149,6 +151,7 @@ def _addable(argument: str) -> str:
 
 def _repeat(arguments: list[str]) -> int:
     """`--from MANIFEST [key=value ...]`: the experiment of a manifest.json, with other values for some keys."""
+    import yaml
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
 
@@ -160,7 +163,7 @@ def _repeat(arguments: list[str]) -> int:
     settings = settings_of(Path(arguments[1]))
     try:
         changed: Any = OmegaConf.merge(settings, OmegaConf.from_dotlist(arguments[2:]))
-    except OmegaConfBaseException as error:
+    except (OmegaConfBaseException, yaml.YAMLError) as error:
         raise UserError(f"--from: {str(error).splitlines()[0]}") from error
     experiment = experiment_from(OmegaConf.to_container(changed))  # type: ignore[arg-type]
 
@@ -171,7 +174,7 @@ def _repeat(arguments: list[str]) -> int:
 
 def _hydra_run(arguments: list[str]) -> int:
     import hydra
-    from hydra.errors import ConfigCompositionException, OverrideParseException
+    from hydra.errors import ConfigCompositionException, HydraException, OverrideParseException
 
     codes: list[int] = []
 
@@ -187,6 +190,8 @@ def _hydra_run(arguments: list[str]) -> int:
         ) from error
     except ConfigCompositionException as error:
         raise UserError(_explain_composition(error, arguments)) from error
+    except HydraException as error:
+        raise UserError(str(error).splitlines()[0]) from error
     return max(codes, default=0)
 
 
@@ -273,8 +278,12 @@ def _told(name: str, command: Callable[[], int]) -> int:
     try:
         return command()
     except KeyboardInterrupt:
-        print(f"{name}: stopped; the same command goes on from what is done", file=sys.stderr)
+        without = " without overwrite=true" if "overwrite=true" in sys.argv else ""
+        print(f"{name}: stopped; the same command{without} goes on from what is done", file=sys.stderr)
         return 130
-    except (UserError, SpecError, TraceError) as error:
+    except BrokenPipeError:  # whoever read the output has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except (UserError, SpecError, TraceError, OSError, MemoryError) as error:
         print(f"{name}: {error}", file=sys.stderr)
         return 2

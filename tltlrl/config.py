@@ -70,6 +70,7 @@ class Experiment:
         ]
 
 
+MOST_SEEDS = 10_000
 KEYS = {
     "name": str,
     "task": dict,
@@ -86,7 +87,12 @@ KEYS = {
     "overwrite": bool,
 }
 # What changes how, but not what: left out of a result's config.yaml.
-MACHINERY_DEFAULTS: dict[str, Any] = {"workers": None, "engine": {}, "runs_dir": "runs", "overwrite": False}
+MACHINERY_DEFAULTS: dict[str, Any] = {
+    "workers": None,
+    "engine": {"address": None},
+    "runs_dir": "runs",
+    "overwrite": False,
+}
 
 
 def experiment_from(config: Mapping[str, Any]) -> Experiment:
@@ -99,6 +105,8 @@ def experiment_from(config: Mapping[str, Any]) -> Experiment:
     for key in config:
         if key not in KEYS:
             raise UserError(f"{key}: no such key{nearest(key, KEYS)}")
+    if isinstance(config.get("name"), int):  # name=2024
+        config = {**config, "name": str(config["name"])}
     for key, kind in KEYS.items():
         if key not in config:
             raise UserError(f"{key}: missing from the config")
@@ -106,7 +114,7 @@ def experiment_from(config: Mapping[str, Any]) -> Experiment:
         if not isinstance(config[key], kinds) or (isinstance(config[key], bool) and bool not in kinds):
             expected = " or ".join({"NoneType": "null"}.get(k.__name__, k.__name__) for k in kinds)
             raise UserError(f"{key}: expected {expected}, not {config[key]!r}")
-    if not config["name"] or "/" in config["name"] or config["name"].startswith("."):
+    if not config["name"].isprintable() or not config["name"].strip(". ") or "/" in config["name"]:
         raise UserError(f"name: {config['name']!r} cannot be a folder's name")
     entry = task_entry(str(config["task"].get("name")))
     experiment = Experiment(
@@ -128,6 +136,7 @@ def experiment_from(config: Mapping[str, Any]) -> Experiment:
     for case in experiment.cases:  # builds each kind of task once: wrong geometry or missing constants show here
         task = experiment.runs()[experiment.cases.index(case) * len(experiment.seeds)].make_task()
         _check_signals(experiment.spec, task)
+        task.make_physics()
     return experiment
 
 
@@ -141,6 +150,8 @@ def dataclass_from(kind: type[Settings], values: Mapping[str, Any], where: str) 
     for key in values:
         if key not in names:
             raise UserError(f"{where}.{key}: no such key{nearest(str(key), names)}")
+    if missing := [name for name in names if name not in values]:
+        raise UserError(f"{where}.{missing[0]}: missing from the config; is {where} the one of this experiment?")
     settings: Any = OmegaConf.structured(kind)
     for key, value in values.items():
         try:
@@ -156,8 +167,9 @@ def dataclass_from(kind: type[Settings], values: Mapping[str, Any], where: str) 
 
 
 def _numbers(value: Any) -> list[float]:
-    values = value if isinstance(value, list) else [value]
-    return [v for v in values if isinstance(v, float)]
+    if isinstance(value, list):
+        return [number for part in value for number in _numbers(part)]
+    return [value] if isinstance(value, float) else []
 
 
 def _at_least(key: str, value: int, least: int) -> int:
@@ -174,8 +186,10 @@ def _cases(names: list[Any], hand_made: list[str]) -> tuple[Case, ...]:
 
 
 def _seeds(seeds: Any) -> tuple[int, ...]:
+    if isinstance(seeds, int) and seeds > MOST_SEEDS:
+        raise UserError(f"seeds: {seeds} are too many; at most {MOST_SEEDS}, or a list of the seeds themselves")
     listed = list(range(seeds)) if isinstance(seeds, int) else seeds
-    wrong = [seed for seed in listed if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0]
+    wrong = [s for s in listed if not isinstance(s, int) or isinstance(s, bool) or not 0 <= s < 2**63]
     if wrong or not listed or len(set(listed)) < len(listed):
         raise UserError(
             f"seeds: {seeds!r} must be a number n >= 1 for the seeds 0 .. n-1, or a list of different numbers >= 0"
@@ -198,8 +212,12 @@ def _check_algorithm(a: AlgorithmConfig) -> None:
         )
     if not 0 <= a.kept < 1:
         raise UserError(f"algorithm.kept: {a.kept} must be a share in [0, 1)")
-    if a.initial_std <= 0:
-        raise UserError(f"algorithm.initial_std: {a.initial_std} must be positive, or nothing is explored")
+    if not 0 < a.initial_std <= 100:
+        raise UserError(
+            f"algorithm.initial_std: {a.initial_std} must be a share of a full command, above 0 and at most 100"
+        )
+    if abs(a.feedback) > 1e6:
+        raise UserError(f"algorithm.feedback: {a.feedback} cannot be simulated; it lies between -1e6 and 1e6")
     if a.correlation < 0:
         raise UserError(f"algorithm.correlation: {a.correlation} must be 0 or a width in steps")
 

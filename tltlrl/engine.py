@@ -10,7 +10,9 @@ import contextlib
 import logging
 import os
 import signal
+import socket
 import time
+import urllib.parse
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -52,13 +54,14 @@ def run_all(jobs: list[Job], workers: int, address: str | None, on_progress: OnP
 
     from distributed import as_completed
 
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # closing workers log their broken connections
     with _cluster(workers, address) as scheduler, _client(scheduler) as client:
         client.subscribe_topic(TOPIC, lambda event: on_progress(*event[1]))
         futures = {
             client.submit(_on_worker, index, run, folder, pure=False): index for index, (run, folder) in enumerate(jobs)
         }
         for future in as_completed(futures, loop=client.loop):
-            on_end(futures[future], future.exception() if future.status == "error" else future.result())
+            on_end(futures[future], future.result() if future.status == "finished" else future.exception())
 
 
 def _on_worker(index: int, run: Run, folder: Path) -> Exception | None:
@@ -78,6 +81,24 @@ def _on_worker(index: int, run: Run, folder: Path) -> Exception | None:
     except Exception as error:
         return error
     return None
+
+
+def check_scheduler(address: str) -> None:
+    """Whether anything answers at a scheduler's address, before a folder is made for its results.
+
+    Raises:
+      UserError: if not.
+    """
+    parts = urllib.parse.urlsplit(address)
+    try:
+        if parts.scheme not in ("tcp", "tls") or parts.port is None:
+            raise ValueError("it must be tcp://HOST:PORT or tls://HOST:PORT")
+        socket.create_connection((parts.hostname or "", parts.port), timeout=SCHEDULER_SECONDS).close()
+    except (OSError, ValueError) as error:
+        raise UserError(
+            f"engine.address: no scheduler answers at {address} ({error}); "
+            "start one with `dask scheduler`, or leave it out"
+        ) from error
 
 
 def _client(address: str) -> Any:
@@ -100,7 +121,6 @@ def _cluster(workers: int, address: str | None) -> Iterator[str]:
 
     from distributed import LocalCluster
 
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # closing workers log their broken connections
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")  # inherited by the workers: parallelism lies between runs
     # Ctrl-C reaches the whole process group; the workers inherit that it is not theirs to answer.

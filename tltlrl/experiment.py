@@ -13,11 +13,11 @@ from typing import Any
 
 import yaml
 
-from tltlrl.config import MACHINERY_DEFAULTS, Experiment, experiment_from
-from tltlrl.engine import run_all
+from tltlrl.config import KEYS, MACHINERY_DEFAULTS, Experiment, experiment_from
+from tltlrl.engine import check_scheduler, run_all
 from tltlrl.errors import UserError
 from tltlrl.files import read_arrays, write_json, write_text
-from tltlrl.manifest import manifest
+from tltlrl.manifest import end_session, manifest, read_manifest, start_session
 from tltlrl.policy import Policy
 from tltlrl.progress import Progress
 from tltlrl.report import write_report
@@ -41,13 +41,19 @@ def run_experiment(experiment: Experiment, command: list[str]) -> bool:
       UserError: if the folder holds another experiment or another process works in it.
     """
     folder = Path(experiment.runs_dir) / experiment.name
+    if experiment.engine.address is not None:
+        check_scheduler(experiment.engine.address)
     with lock(folder):
         prepare(folder, experiment)
-        start = manifest(experiment, command)
-        write_json(folder / MANIFEST, start)
+        missing = [run for run in experiment.runs() if not (run_folder(folder, run) / DONE).exists()]
+        before = read_manifest(folder / MANIFEST)
+        if missing:  # otherwise nothing here is of this session, and the manifest stays as it is
+            session = start_session(command)
+            write_json(folder / MANIFEST, manifest(experiment, before, session))
         failures = compute(folder, experiment)
         write_report(folder, experiment, failures)
-        write_json(folder / MANIFEST, manifest(experiment, command, started=start["started"]))
+        if missing:
+            write_json(folder / MANIFEST, manifest(experiment, before, end_session(session)))
     return not failures
 
 
@@ -62,14 +68,14 @@ def open_run(folder: Path) -> tuple[Run, Policy]:
     Raises:
       UserError: if there is no finished run.
     """
-    above = folder.resolve().parents[1]
+    above = folder.resolve().parent.parent
     try:
         settings = yaml.safe_load((above / CONFIG).read_text())
-        settings["spec"] = str(next((above / SPECS).iterdir()))
+        settings["spec"] = str(_spec_copy(above, settings["spec"]))
         saved = read_arrays(folder / POLICY)
         policy = Policy(saved["gain"], saved["mean"], saved["covariance"], float(saved["correlation"]))
         (folder / DONE).read_text()
-    except (OSError, ValueError, KeyError, TypeError, StopIteration, zipfile.BadZipFile, yaml.YAMLError) as error:
+    except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile, yaml.YAMLError) as error:
         raise UserError(
             f"{folder} is not the folder of a finished run ({error}); "
             "give one like runs/reach_avoid/tltl_episodic/seed_0"
@@ -115,18 +121,15 @@ def prepare(folder: Path, experiment: Experiment) -> None:
       UserError: if it holds something else, with the difference.
     """
     config = folder / CONFIG
-    if experiment.overwrite and config.exists():
+    before = _settings_before(folder)
+    if before is not None and experiment.overwrite:
         for entry in folder.iterdir():
             if entry.name != LOCK:
                 shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
-    if config.exists():
-        try:
-            before = yaml.safe_load(config.read_text())
-        except yaml.YAMLError as error:
-            raise UserError(f"{config}: not readable as YAML; set overwrite=true or another name=...") from error
-        _check_same(before if isinstance(before, dict) else {}, experiment.settings, folder)
-        spec_before = (folder / SPECS / spec_name(experiment)).read_text()
-        if spec_before != experiment.spec.text:
+    elif before is not None:
+        _check_same(before, experiment.settings, folder)
+        spec_before = folder / SPECS / spec_name(experiment)
+        if not spec_before.exists() or spec_before.read_text() != experiment.spec.text:
             raise UserError(
                 f"{folder} was made with another text of {spec_name(experiment)} (kept in its folder specs). "
                 f"Set another name=..., or overwrite=true to delete it."
@@ -139,6 +142,33 @@ def prepare(folder: Path, experiment: Experiment) -> None:
 def spec_name(experiment: Experiment) -> str:
     """The spec file's own name."""
     return Path(experiment.spec.path or "spec.tltl").name
+
+
+def _settings_before(folder: Path) -> dict[str, Any] | None:
+    """The config of the results in `folder`; None if there is nothing but what a start leaves behind.
+
+    Raises:
+      UserError: if the folder holds anything else; it is neither written to nor, with overwrite=true, deleted.
+    """
+    names = {entry.name for entry in folder.iterdir() if not entry.name.startswith(".")}
+    if not names - {SPECS}:
+        return None
+    try:
+        before = yaml.safe_load((folder / CONFIG).read_text())
+    except (OSError, yaml.YAMLError):
+        before = None
+    if not isinstance(before, dict) or set(before) != set(KEYS) - set(MACHINERY_DEFAULTS):
+        raise UserError(
+            f"{folder} exists and holds no results of tltl-run (its {CONFIG} is missing or not one of ours); "
+            f"set another name=... or runs_dir=..."
+        )
+    return before
+
+
+def _spec_copy(folder: Path, spec: str) -> Path:
+    """The experiment's own copy of its spec."""
+    path = folder / SPECS / Path(spec).name
+    return path if path.exists() else path.with_name(f"{path.name}.tltl")
 
 
 def _check_same(before: Mapping[str, Any], now: Mapping[str, Any], folder: Path) -> None:

@@ -10,6 +10,7 @@ import os
 import platform
 import re
 import subprocess
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,21 +19,53 @@ from tltlrl.errors import UserError
 from tltlrl.resources import spec_path
 
 
-def manifest(experiment: Experiment, command: list[str], started: str | None = None) -> dict[str, Any]:
-    """The content of manifest.json; `ended` is null in the one written at the start."""
-    now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+def start_session(command: list[str]) -> dict[str, Any]:
+    """Who computes from now on: command line, time, versions, code, machine."""
     return {
         "command": command,
-        "started": started or now,
-        "ended": now if started else None,
+        "started": _now(),
+        "ended": None,
         "python": platform.python_version(),
         "packages": _versions(),
         "git": _git(),
         "platform": platform.platform(),
         "cpu": {"model": _cpu(), "count": os.cpu_count()},
+    }
+
+
+def end_session(session: Mapping[str, Any]) -> dict[str, Any]:
+    """The session with the time of its end."""
+    return {**session, "ended": _now()}
+
+
+def manifest(experiment: Experiment, before: Mapping[str, Any] | None, session: Mapping[str, Any]) -> dict[str, Any]:
+    """The content of manifest.json: the first session, what it was asked for, and every later session that computed.
+
+    Args:
+      experiment: what is computed.
+      before: the manifest of the sessions before, if any.
+      session: this one.
+    """
+    first, later = (before, [*before["later_sessions"], session]) if before else (session, [])
+    return {
+        **{key: first[key] for key in session},
         "specs": {Path(experiment.spec.path or "spec.tltl").name: sha256(experiment.spec.text)},
         "config": experiment.settings,
+        "later_sessions": later,
     }
+
+
+def read_manifest(path: Path) -> dict[str, Any] | None:
+    """manifest.json as it is; None if there is none, or none that was written whole."""
+    try:
+        content = json.loads(path.read_text())
+    except (OSError, ValueError):
+        return None
+    return content if isinstance(content, dict) and "later_sessions" in content else None
+
+
+def _now() -> str:
+    return datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
 
 
 def settings_of(path: Path) -> dict[str, Any]:
@@ -43,7 +76,7 @@ def settings_of(path: Path) -> dict[str, Any]:
     """
     try:
         content = json.loads(path.read_text())
-        settings = MACHINERY_DEFAULTS | content["config"] | {"runs_dir": str(path.resolve().parents[1])}
+        settings = MACHINERY_DEFAULTS | content["config"] | {"runs_dir": str(path.resolve().parent.parent)}
         ((name, digest),) = content["specs"].items()
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise UserError(f"{path}: not the manifest.json of an experiment ({error})") from error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.stats import bootstrap
 
 from tltlrl.errors import UserError
+from tltlrl.files import write_bytes
 
 Array = NDArray[np.float64]
 
@@ -50,6 +52,8 @@ def read_curves(folder: Path) -> pd.DataFrame:
     needed = {"task", "case", "seed", "iteration", "episodes", "robustness_mean"}
     if missing := needed - set(curves.columns):
         raise UserError(f"{path}: no column {', '.join(sorted(missing))}; run the experiment again to write it anew")
+    if curves.empty or curves.duplicated(["case", "seed", "iteration"]).any():
+        raise UserError(f"{path}: empty, or with an iteration twice; run the experiment again to write it anew")
     return curves
 
 
@@ -83,8 +87,17 @@ def plot_learning_curves(experiments: list[pd.DataFrame], path: Path) -> None:
             ),
             fontsize=7,
         )
-        for suffix, metadata in ((".png", {"Software": None}), (".pdf", {"CreationDate": None})):
-            figure.savefig(path.with_suffix(suffix), dpi=200, metadata=metadata)
+        save(figure, path)
+
+
+def save(figure: Figure, path: Path) -> None:
+    """path.png and path.pdf, the same bytes for the same figure; a suffix of these that `path` has is not doubled."""
+    stem = path.with_suffix("") if path.suffix in (".png", ".pdf") else path
+    stem.parent.mkdir(parents=True, exist_ok=True)
+    for suffix, metadata in ((".png", {"Software": None}), (".pdf", {"CreationDate": None})):
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format=suffix[1:], dpi=200, metadata=metadata)
+        write_bytes(stem.with_name(stem.name + suffix), buffer.getvalue())
 
 
 def draw_learning_curves(axes: mpl.axes.Axes, curves: pd.DataFrame) -> None:

@@ -7,11 +7,14 @@ share their noise (common random numbers).
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import dataclasses
+import fcntl
+import os
 import time
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -199,7 +202,7 @@ def iterate(run: Run, task: Task, simulator: Simulator, policy: Policy, iteratio
         "robustness_max": sampled.max(),
         "robustness_policy": of_policy,
         "satisfied_fraction": np.mean(sampled > 0),
-        "eta": np.mean(weighting.eta),
+        "eta": np.median(weighting.eta),
         "kl": np.mean(weighting.kl),
         "effective_sample_size": np.mean(weighting.effective_sample_size),
         "entropy": policy.entropy(),
@@ -239,9 +242,32 @@ def train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
     Raises:
       ValueError: if a return is not a number; the folder keeps what was done before.
     """
-    if (folder / DONE).exists():
-        return
     folder.mkdir(parents=True, exist_ok=True)
+    with _held(folder):
+        if (folder / DONE).exists():
+            (folder / CHECKPOINT).unlink(missing_ok=True)
+        else:
+            _train(run, folder, report)
+
+
+@contextlib.contextmanager
+def _held(folder: Path) -> Iterator[None]:
+    """Keeps a second process, such as a remote worker that outlived its command, from writing to the same run.
+
+    Raises:
+      UserError: if another process holds it.
+    """
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    except BlockingIOError as error:
+        raise UserError(f"{folder}: another process still computes this run; stop it, and start again") from error
+    finally:
+        os.close(descriptor)
+
+
+def _train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
     task = run.make_task()
     simulator = Simulator(task)
     first, policy, env_steps = resume(folder, initial_policy(task, run.algorithm))

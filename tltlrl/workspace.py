@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch, Rectangle
 
 from tltlrl.evaluation import mean_motion, trials
-from tltlrl.plotting import FONT, LABELS
+from tltlrl.plotting import FONT, LABELS, save
 from tltlrl.policy import Policy
 from tltlrl.rollout import Simulator
 from tltlrl.spec import Spec
@@ -64,8 +64,7 @@ def draw_workspace(run: Run, policy: Policy, path: Path, count: int = 20) -> Non
             f"Blue: {POSES} poses of the arm, later ones darker. Plain: regions by name; hatched: to be kept out of.",
             fontsize=6.5,
         )
-        for suffix, metadata in ((".png", {"Software": None}), (".pdf", {"CreationDate": None})):
-            figure.savefig(path.with_suffix(suffix), dpi=200, metadata=metadata)
+        save(figure, path)
 
 
 def _draw_regions(axes: Axes, spec: Spec) -> None:

@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import yaml
+
 from tltlrl.headless import choose_renderer
 
 choose_renderer()  # before anything imports dm_control; hence the imports below
@@ -14,7 +16,7 @@ choose_renderer()  # before anything imports dm_control; hence the imports below
 from dm_control.rl import control
 
 from tltlrl.errors import UserError, nearest
-from tltlrl.resources import spec_path
+from tltlrl.resources import CONFIGS, spec_path
 from tltlrl.spec import load_spec
 from tltlrl.tasks import planar_arm, toast
 from tltlrl.tasks.task import StepReward, Task, environment
@@ -86,6 +88,14 @@ def load_task(name: str, seed: int | None = None) -> control.Environment:
     Raises:
       UserError: if there is no such task.
     """
+    return environment(make_default(name, random=seed))
+
+
+def make_default(name: str, random: int | None = None) -> Task:
+    """The task `name` as the config, the rewards' config and the spec that come with tltlrl describe it."""
     entry = task_entry(name)
-    constants = load_spec(spec_path(f"{name}.tltl")).constants
-    return environment(entry.make(entry.config(name=name), entry.rewards(entry.reward(), constants), random=seed))
+    config, reward = (
+        kind(**yaml.safe_load((CONFIGS / group / f"{name}.yaml").read_text()))
+        for kind, group in ((entry.config, "task"), (entry.reward, "reward"))
+    )
+    return entry.make(config, entry.rewards(reward, load_spec(spec_path(name)).constants), random=random)

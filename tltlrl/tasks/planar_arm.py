@@ -28,6 +28,7 @@ from dm_control import mujoco
 from lxml import etree
 from numpy.typing import NDArray
 
+from tltlrl.errors import UserError
 from tltlrl.tasks.task import Array, Quantity, Signals, StepReward, Task, required_constants
 
 JOINTS = ("joint_1", "joint_2", "joint_3")
@@ -53,6 +54,14 @@ class PlanarArmConfig:
     start_angles: list[float] = field(default_factory=lambda: [0.5, 0.5, 0.5])
     max_speed: float = 2.0
     command_noise: float = 0.02
+
+    def __post_init__(self) -> None:
+        if len(self.link_lengths) != 3 or min(self.link_lengths) <= 0:
+            raise UserError(f"task.link_lengths: {self.link_lengths} must be three positive lengths, m")
+        if len(self.start_angles) != 3:
+            raise UserError(f"task.start_angles: {self.start_angles} must be three angles, rad")
+        if self.max_speed <= 0:
+            raise UserError(f"task.max_speed: {self.max_speed} must be positive, rad/s")
 
 
 @dataclass(frozen=True)
@@ -188,7 +197,7 @@ def reach_avoid_rewards(coefficients: ReachAvoidReward, constants: Mapping[str, 
     Raises:
       UserError: if the spec has no such constants.
     """
-    goal, goal_radius = required_constants(constants, "goal", "goal_radius")
+    goal, goal_radius = required_constants(constants, goal=tuple, goal_radius=float)
     obstacles = _obstacles(constants)
 
     def discrete(signals: Mapping[str, Array]) -> Array:
@@ -221,7 +230,7 @@ def visit_in_order_rewards(coefficients: VisitInOrderReward, constants: Mapping[
     Raises:
       UserError: if the spec has no such constants.
     """
-    family, goal_radius = required_constants(constants, "goal", "goal_radius")
+    family, goal_radius = required_constants(constants, goal=dict, goal_radius=float)
     goals = [np.array(goal) for goal in family.values()]
     obstacles = _obstacles(constants)
 
@@ -270,7 +279,9 @@ def _before(count: NDArray[np.int64]) -> NDArray[np.int64]:
 
 def _obstacles(constants: Mapping[str, Any]) -> list[tuple[Array, float]]:
     """Centre and radius of every obstacle."""
-    centres, radii = required_constants(constants, "obstacle", "obstacle_radius")
+    centres, radii = required_constants(constants, obstacle=dict, obstacle_radius=dict)
+    if centres.keys() != radii.keys():
+        raise UserError(f"spec: obstacle has the members {list(centres)}, but obstacle_radius {list(radii)}")
     return [(np.array(centres[i]), radii[i]) for i in centres]
 
 

@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 Signals = dict[str, Array]
 StepReward = Callable[[Mapping[str, Array]], Array]
 
+KINDS = {float: "a number", tuple: "a vector", dict: "a family"}  # of a spec's constants
 CONTROL_TIMESTEP = 0.05  # seconds: commands are sent at 20 Hz, as in the case study.
 
 
@@ -68,6 +69,10 @@ class Task(control.Task, abc.ABC):  # type: ignore[misc]  # dm_control has no ty
         rewards: Mapping[str, StepReward],
         random: np.random.RandomState | int | None = None,
     ) -> None:
+        if steps < 2:
+            raise UserError(f"task.steps: {steps} is too short for an episode; it must be at least 2")
+        if np.any(command_noise < 0):
+            raise UserError("task.command_noise: a standard deviation cannot be negative")
         self.steps = steps
         self.command_noise = command_noise
         self.command_scale = command_scale
@@ -149,19 +154,23 @@ class Task(control.Task, abc.ABC):  # type: ignore[misc]  # dm_control has no ty
         return np.concatenate([np.ravel(value) for value in self.observe(physics).values()])
 
 
-def required_constants(constants: Mapping[str, Any], *names: str) -> list[Any]:
+def required_constants(constants: Mapping[str, Any], **kinds: type) -> list[Any]:
     """Constants of the spec by the names that the hand-made rewards rely on.
 
+    Args:
+      constants: of the spec.
+      kinds: name=float for a number, tuple for a vector, dict for a family.
+
     Raises:
-      UserError: naming those that the spec lacks.
+      UserError: naming those that the spec lacks, or has as something else.
     """
-    missing = [name for name in names if name not in constants]
+    missing = [f"{name} ({KINDS[kind]})" for name, kind in kinds.items() if not isinstance(constants.get(name), kind)]
     if missing:
         raise UserError(
             f"spec: the hand-made rewards need its constants {', '.join(missing)}; it has "
             f"{', '.join(constants) or 'none'}. Define them, or train on the spec alone: cases=[tltl_episodic]"
         )
-    return [constants[name] for name in names]
+    return [constants[name] for name in kinds]
 
 
 def environment(task: Task) -> control.Environment:

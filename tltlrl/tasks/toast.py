@@ -313,7 +313,7 @@ def toast_rewards(coefficients: ToastReward, constants: Mapping[str, Any]) -> di
     Raises:
       UserError: if the spec has no such constants.
     """
-    slot, toaster = (np.array(c) for c in required_constants(constants, "slot_centre", "toaster_centre"))
+    slot, toaster = (np.array(c) for c in required_constants(constants, slot_centre=tuple, toaster_centre=tuple))
 
     def continuous(signals: Mapping[str, Array]) -> Array:
         to_slot = np.linalg.norm(signals["ee"] - slot, axis=-1)
