@@ -11,7 +11,7 @@ OVERRIDES :=
 export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
 
-.PHONY: help reproduce-figures test lint types bench grid-search clean
+.PHONY: help reproduce-figures test lint types bench fuzz grid-search clean
 
 help:
 	@grep -E '^## ' $(MAKEFILE_LIST) | sed 's/^## //'
@@ -44,6 +44,10 @@ types: $(READY)
 ## make bench: measured speeds beside their targets
 bench: $(READY)
 	$(BIN)/python -m benchmarks
+
+## make fuzz: 100 000 mutated specs, each of which must give a formula or a message
+fuzz: $(READY)
+	TLTL_FUZZ=100000 $(BIN)/python -m pytest tests/spec/test_language.py -k fuzz
 
 ## make grid-search: coefficients of the hand-made rewards on seeds of their own, into docs/grid_search_*.csv
 grid-search: $(READY)

@@ -61,10 +61,10 @@ def test_colours_are_told_apart_in_grey():
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("task,case,seed,iteration,episodes,robustness_mean\n", "empty"),
         (None, "cannot be read"),
         ("", "cannot be read"),
         ("task,case\n", "no column episodes, iteration"),
+        ("task,case,seed,iteration,episodes,robustness_mean\n", "empty, or with an iteration twice"),
     ],
 )
 def test_a_folder_without_curves_is_told(tmp_path, content, message):
@@ -72,3 +72,11 @@ def test_a_folder_without_curves_is_told(tmp_path, content, message):
         (tmp_path / "learning_curves.csv").write_text(content)
     with pytest.raises(UserError, match=message):
         read_curves(tmp_path)
+
+
+def test_every_case_of_every_panel_is_in_the_legend(tmp_path, monkeypatch):
+    figures = []
+    monkeypatch.setattr("tltlrl.plotting.save", lambda figure, _: figures.append(figure))
+    plot_learning_curves([curves(cases=["tltl_episodic"]), curves()], tmp_path / "a")
+    (legend,) = figures[0].legends
+    assert [text.get_text() for text in legend.get_texts()] == list(LABELS.values())

@@ -13,6 +13,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+from tltlrl.resources import SPECS
+
 SMALL = (
     "experiment=reach_avoid",
     "name=small",
@@ -207,6 +209,33 @@ def test_a_run_that_fails_is_told_the_others_go_on_and_the_exit_code_is_1(tmp_pa
     assert len((tmp_path / "runs/small/summary.csv").read_text().splitlines()) == 1 + finished
 
 
+def test_a_rerun_leaves_the_manifest_of_those_who_computed(undisturbed):
+    before = (undisturbed / "manifest.json").read_text()
+    assert run(undisturbed.parents[1], *SMALL, "workers=1")[0] == 0
+    assert (undisturbed / "manifest.json").read_text() == before
+
+
+def test_a_session_that_adds_runs_is_added_to_the_manifest(tmp_path):
+    small = (*SMALL, "cases=[tltl_episodic]", "workers=1")
+    assert run(tmp_path, *small, "seeds=1")[0] == 0
+    first = json.loads((tmp_path / "runs/small/manifest.json").read_text())
+    assert run(tmp_path, *small, "seeds=2")[0] == 0
+    manifest = json.loads((tmp_path / "runs/small/manifest.json").read_text())
+    assert (manifest["command"], manifest["started"]) == (first["command"], first["started"])
+    assert [session["command"][-1] for session in manifest["later_sessions"]] == ["seeds=2"]
+
+
+@pytest.mark.parametrize("overwrite", ["true", "false"])
+@pytest.mark.parametrize("name", ["config.yaml", "precious.txt"])
+def test_a_folder_that_is_not_ours_is_neither_written_nor_deleted(tmp_path, name, overwrite):
+    (tmp_path / "runs/small").mkdir(parents=True)
+    (tmp_path / "runs/small" / name).write_text("name: mine\n")
+    code, _, errors = run(tmp_path, *SMALL, f"overwrite={overwrite}")
+    assert code == 2
+    assert "exists and holds no results of tltl-run" in errors
+    assert [path.name for path in tmp_path.glob("runs/small/[!.]*")] == [name]
+
+
 MISTAKES = {
     (): "tltl-run: say which experiment: experiment=NAME, one of: reach_avoid, toast, visit_in_order",
     ("experiment=reach_avoyd",): (
@@ -251,6 +280,28 @@ MISTAKES = {
     ("experiment=reach_avoid", "task=planar"): (
         "tltl-run: task=planar: there is no such task; there are: reach_avoid, toast, visit_in_order"
     ),
+    ("experiment=reach_avoid", "task.link_lengths=[1,1]"): (
+        "tltl-run: task.link_lengths: [1.0, 1.0] must be three positive lengths, m"
+    ),
+    ("experiment=reach_avoid", "task.steps=-3"): (
+        "tltl-run: task.steps: -3 is too short for an episode; it must be at least 2"
+    ),
+    ("experiment=reach_avoid", "task.command_noise=-1"): (
+        "tltl-run: task.command_noise: a standard deviation cannot be negative"
+    ),
+    ("experiment=reach_avoid", "seeds=3000000000000000000000"): (
+        "tltl-run: seeds: 3000000000000000000000 are too many; at most 10000, or a list of the seeds themselves"
+    ),
+    ("experiment=visit_in_order", "reward=reach_avoid"): (
+        "tltl-run: reward.wrong_order: missing from the config; is reward the one of this experiment?"
+    ),
+    ("experiment=reach_avoid", "engine.address=nonsense"): (
+        "tltl-run: engine.address: no scheduler answers at nonsense (it must be tcp://HOST:PORT or tls://HOST:PORT); "
+        "start one with `dask scheduler`, or leave it out"
+    ),
+    ("experiment=reach_avoid", "spec=reach_avoit.tltl"): (
+        f"tltl-run: no spec file reach_avoit.tltl here or in {SPECS}; did you mean reach_avoid.tltl?"
+    ),
     ("experiment=reach_avoid", "name=a/b"): "tltl-run: name: 'a/b' cannot be a folder's name",
 }  # fmt: skip
 
@@ -291,14 +342,14 @@ def test_a_mistake_through_the_real_command(tmp_path):
 
 def test_multirun_gives_every_combination_a_folder_of_its_own(tmp_path):
     small = [setting for setting in SMALL if not setting.startswith(("seeds", "algorithm.epsilon"))]
-    code, _, errors = run(tmp_path, "-m", *small, "cases=[tltl_episodic]", "algorithm.epsilon=0.4,0.5", "seeds=1,2")
+    code, _, errors = run(tmp_path, "-m", *small, "cases=[tltl_episodic]", "algorithm.epsilon=0.4,0.5", "seeds=1")
     assert code == 0, errors
     folders = [path.parent for path in sorted(tmp_path.glob("runs/*/config.yaml"))]
     found = {
         (s["algorithm"]["epsilon"], s["seeds"])
         for s in (yaml.safe_load((f / "config.yaml").read_text()) for f in folders)
     }
-    assert found == {(0.4, 1), (0.4, 2), (0.5, 1), (0.5, 2)}
+    assert found == {(0.4, 1), (0.5, 1)}
     assert all((folder / "summary.csv").exists() for folder in folders)
 
 

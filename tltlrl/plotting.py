@@ -73,9 +73,15 @@ def plot_learning_curves(experiments: list[pd.DataFrame], path: Path) -> None:
             seeds, samples = curves["seed"].nunique(), curves["episodes"].min()
             axes.set_title(str(curves["task"].iloc[0]))
             notes.append(f"n = {seeds} seeds, {samples} sample trajectories per iteration")
-        handles, labels = figure.axes[0].get_legend_handles_labels()
+        lines = {
+            label: line for axes in figure.axes for line, label in zip(*axes.get_legend_handles_labels(), strict=True)
+        }
         figure.legend(
-            handles, labels, loc="outside lower center", ncols=2 if len(experiments) == 1 else 3, frameon=False
+            lines.values(),
+            lines.keys(),
+            loc="outside lower center",
+            ncols=2 if len(experiments) == 1 else 3,
+            frameon=False,
         )
         figure.supxlabel(
             "\n".join(

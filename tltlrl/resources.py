@@ -28,6 +28,5 @@ def spec_path(name: str) -> Path:
         if path.is_file():
             return path
     raise UserError(
-        f"no spec file {name}{nearest(name, (path.name for path in SPECS.glob('*.tltl')))}. "
-        f"Give the path of a .tltl file, or the name of one in {SPECS}."
+        f"no spec file {name} here or in {SPECS}{nearest(name, (path.name for path in SPECS.glob('*.tltl')))}"
     )
