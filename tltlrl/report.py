@@ -132,7 +132,7 @@ def claim_lines(summary: pd.DataFrame) -> list[str]:
             gain = compare(summary, f"{reward}_step", [f"{reward}_episodic"], "robustness_mean_over_run")
             gain += compare(summary, f"{reward}_step", [f"{reward}_episodic"], "robustness_policy")
             lines += [
-                f"**Step-based REPS is a minor gain**, for the {reward} reward:",
+                f"**Step-based REPS is a gain for the {reward} reward: {_verdict(gain)}**.",
                 "",
                 *_comparison_table(gain),
                 "",
