@@ -79,7 +79,7 @@ def plot_learning_curves(experiments: list[pd.DataFrame], path: Path) -> None:
         figure.legend(
             lines.values(),
             lines.keys(),
-            loc="outside lower center",
+            loc="outside upper center",
             ncols=2 if len(experiments) == 1 else 3,
             frameon=False,
         )
@@ -119,8 +119,8 @@ def draw_learning_curves(axes: mpl.axes.Axes, curves: pd.DataFrame) -> None:
         axes.plot(by_seed.index, values.mean(axis=1), linewidth=1.6, label=LABELS.get(str(case), str(case)), **style)
     axes.axhline(0.0, color="0.5", linewidth=0.8, zorder=0)
     axes.annotate(
-        "above 0: satisfied", (1.0, 0.0), xycoords=("axes fraction", "data"), xytext=(-3, -2),
-        textcoords="offset points", ha="right", va="top", fontsize=7, color="0.3",
+        "above 0: satisfied", (0.0, 0.0), xycoords=("axes fraction", "data"), xytext=(4, 2),
+        textcoords="offset points", ha="left", va="bottom", fontsize=7, color="0.3",
     )  # fmt: skip
     axes.set_xlabel("iteration")
     axes.set_ylabel("robustness (m)")
