@@ -147,7 +147,12 @@ def test_stopped_in_the_middle_the_same_command_ends_with_the_same_bytes(undistu
     log = tmp_path / "stopped.txt"
     with open(log, "w") as file:
         process = subprocess.Popen(
-            [*launcher(), *SMALL, f"workers={workers}"], cwd=tmp_path, stderr=file, start_new_session=True
+            [*launcher(), *SMALL, f"workers={workers}"],
+            cwd=tmp_path,
+            stderr=file,
+            start_new_session=True,
+            # As a terminal's foreground job: a background job's children inherit that Ctrl-C is ignored.
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         )
         deadline = time.monotonic() + 60
         while not list(tmp_path.glob("runs/small/*/*/done.json")) and time.monotonic() < deadline:
