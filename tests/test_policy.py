@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tltlrl.policy import Policy, correlated_noise, square_root
+from tltlrl.policy import Policy, correlated_noise, shaped
 
 
 def test_samples_have_the_policys_mean_and_covariance():
@@ -30,10 +30,17 @@ def test_correlated_noise_has_unit_variance_and_the_stated_correlation(width):
         np.testing.assert_allclose(found, expected, atol=0.02)
 
 
-def test_square_root_of_singular_and_of_zero_covariances():
+def test_noise_takes_singular_and_zero_covariances():
     singular = np.array([[[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 0.0]], np.zeros((3, 3))])
-    root = square_root(singular)
-    np.testing.assert_allclose(root @ root.transpose(0, 2, 1), singular, atol=1e-12)
+    basis = shaped(np.tile(np.eye(3)[:, None], (1, 2, 1)), singular)  # (3, T, 3): the rows of a root of each step
+    np.testing.assert_allclose(np.einsum("kti,ktj->tij", basis, basis), singular, atol=1e-12)
+
+
+def test_diagonal_covariances_scale_each_command():
+    noise = np.random.default_rng(0).standard_normal((5, 2, 3))
+    variances = np.array([[1.0, 4.0, 0.0], [9.0, 0.25, 1.0]])
+    found = shaped(noise, variances[:, :, None] * np.eye(3))
+    np.testing.assert_array_equal(found, noise * np.sqrt(variances))
 
 
 def test_entropy_is_the_gaussians():

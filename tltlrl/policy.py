@@ -35,7 +35,7 @@ class Policy:
     def sample(self, count: int, rng: np.random.Generator) -> Array:
         """Offsets k_t + noise_t of `count` trajectories, shape (count, T, d)."""
         noise = correlated_noise((count, *self.mean.shape), self.correlation, rng)
-        return np.asarray(self.mean + np.einsum("tij,ntj->nti", square_root(self.covariance), noise))
+        return self.mean + shaped(noise, self.covariance)
 
     def entropy(self) -> float:
         """Entropy of the offsets of one step, averaged over the steps, nats; the correlation is left out."""
@@ -59,10 +59,11 @@ def correlated_noise(shape: tuple[int, int, int], width: float, rng: np.random.G
     return np.asarray(smooth[:, reach : reach + steps])
 
 
-def square_root(covariance: Array) -> Array:
-    """A factor L with L L^T = covariance, shape (T, d, d), also where a covariance is singular."""
-    diagonal = np.diagonal(covariance, axis1=1, axis2=2)
-    if np.count_nonzero(covariance) == np.count_nonzero(diagonal):
-        return np.asarray(np.sqrt(covariance))
+def shaped(noise: Array, covariance: Array) -> Array:
+    """Noise of covariance Sigma_t (T, d, d), also a singular one, from standard normal noise (N, T, d)."""
+    variances = np.diagonal(covariance, axis1=1, axis2=2)
+    if np.count_nonzero(covariance) == np.count_nonzero(variances):  # diagonal, as the damped fit leaves it
+        return np.asarray(np.sqrt(variances) * noise)
     values, vectors = np.linalg.eigh(covariance)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :])
+    roots = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+    return np.asarray(np.einsum("tij,ntj->nti", roots, noise))

@@ -95,8 +95,10 @@ def _root(scores: Array, count: Array, epsilon: float, active: NDArray[np.bool_]
     high = np.full(count.shape, -np.log(epsilon))  # log(p_i N) <= 1 / eta, so KL <= epsilon at eta = 1 / epsilon
     finite = np.isfinite(scores)
     finite_scores = np.where(finite, scores, 0.0)
-    spread = np.std(scores, axis=-1, keepdims=True, where=finite)
-    x = np.clip(np.log(np.maximum(spread, LOWEST_TEMPERATURE) / np.sqrt(2 * epsilon)), low, high)  # KL ~ Var / 2 eta^2
+    centred = np.where(finite, scores - finite_scores.sum(axis=-1, keepdims=True) / count, 0.0)
+    deviation = np.sqrt((centred**2).sum(axis=-1, keepdims=True) / count)
+    start = np.log(np.maximum(deviation, LOWEST_TEMPERATURE) / np.sqrt(2 * epsilon))  # KL ~ Var / 2 eta^2
+    x = np.minimum(np.maximum(start, low), high)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         for _ in range(ITERATIONS):
             eta = np.exp(x)
