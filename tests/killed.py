@@ -21,7 +21,7 @@ STEPS = {"open": "open", "os.rename": "rename", "os.remove": "delete", "os.mkdir
 
 def install(who, moment, notes, role):
     """From now on every step of this process has a number; at number `moment`, if it is `who`, it kills itself."""
-    listed = open(Path(notes) / f"{role}.{os.getpid()}", "w", buffering=1)
+    listed = open(Path(notes) / f"{role}.{os.getpid()}", "w", buffering=1)  # noqa: SIM115  # as long as the process
     count = 0
 
     def step(what, path, half=None):

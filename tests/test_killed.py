@@ -1,6 +1,7 @@
 """Killed at any moment and started again, tltl-run ends with the bytes of a run that nothing disturbed.
 
-TLTL_KILLS sets at how many moments (4 with one worker, 1 of the command and 1 of a worker with two), TLTL_KILLS_SEED which (0).
+TLTL_KILLS sets at how many moments in each of three ways (4 with one worker; with two, 1 of the command and 1 of a
+worker), TLTL_KILLS_SEED which (0).
 """
 
 import json

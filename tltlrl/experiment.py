@@ -172,18 +172,27 @@ def prepare(folder: Path, experiment: Experiment) -> list[str]:
       UserError: if it holds something else, with the difference.
     """
     sweep(folder)
+    sweep(folder / SPECS)
     config, spec_copy = folder / CONFIG, folder / SPECS / spec_name(experiment)
-    before, notes = _settings_before(folder)
+    known = read_manifest(folder / MANIFEST)
+    before, restored = _settings_before(folder, known)
+    notes = []
     if before is not None and experiment.overwrite:
         for entry in sorted(folder.iterdir(), key=lambda entry: entry == config):  # config.yaml last: stopped on
             if entry.name != LOCK:  # the way, the folder is still known for one of ours
                 shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
-        notes = []
     elif before is not None:
-        _check_same(before, experiment.settings, folder)
+        if differences := _differences(before, experiment.settings):
+            if known is None or _differences(known["config"], experiment.settings):
+                raise UserError(
+                    f"{folder} holds results of another config:\n{differences}\n"
+                    f"Set another name=... (now {experiment.name}), or overwrite=true to delete what is there."
+                )
+            restored = True
+        if restored:
+            notes.append(f"{CONFIG} was missing or damaged and is written again, from {MANIFEST}")
         text = experiment.spec.text
         if not spec_copy.is_file() or spec_copy.read_bytes() != text.encode():
-            known = read_manifest(folder / MANIFEST)
             if known is None or known["specs"] != {spec_copy.name: sha256(text)}:
                 raise UserError(
                     f"{folder} was made with another text of {spec_copy.name} (kept in its folder specs), or its copy "
@@ -201,32 +210,28 @@ def spec_name(experiment: Experiment) -> str:
     return Path(experiment.spec.path or "spec.tltl").name
 
 
-def _settings_before(folder: Path) -> tuple[dict[str, Any] | None, list[str]]:
-    """The config of the results in `folder`, None if there is nothing but what a start leaves behind; and what is odd.
+def _settings_before(folder: Path, known: Mapping[str, Any] | None) -> tuple[dict[str, Any] | None, bool]:
+    """The config of the results in `folder`, and whether it had to be taken from the manifest `known`.
+
+    None if there is nothing but what a start leaves behind.
 
     Raises:
       UserError: if the folder holds anything else; it is neither written to nor, with overwrite=true, deleted.
     """
     names = {entry.name for entry in folder.iterdir() if not entry.name.startswith(".")}
     if not names - {SPECS}:
-        return None, []
+        return None, False
     try:
         before = yaml.safe_load((folder / CONFIG).read_text())
     except (OSError, ValueError, yaml.YAMLError):
         before = None
-    if _is_config(before):
-        return before, []
-    known = read_manifest(folder / MANIFEST)
-    if known is not None and _is_config(known["config"]):
-        return known["config"], [f"{CONFIG} was missing or damaged and is written again, from {MANIFEST}"]
+    for config, restored in ((before, False), (known and known["config"], True)):
+        if isinstance(config, dict) and set(config) == set(KEYS) - set(MACHINERY_DEFAULTS):
+            return config, restored
     raise UserError(
         f"{folder} exists and holds no results of tltl-run (its {CONFIG} is missing or not one of ours); "
         f"set another name=... or runs_dir=..."
     )
-
-
-def _is_config(content: Any) -> bool:
-    return isinstance(content, dict) and set(content) == set(KEYS) - set(MACHINERY_DEFAULTS)
 
 
 def _spec_copy(folder: Path, spec: str) -> Path:
@@ -235,7 +240,8 @@ def _spec_copy(folder: Path, spec: str) -> Path:
     return path if path.exists() else path.with_name(f"{path.name}.tltl")
 
 
-def _check_same(before: Mapping[str, Any], now: Mapping[str, Any], folder: Path) -> None:
+def _differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    """What keeps results of one config from going on under another, one line each."""
     old, new = flatten(before), flatten(now)
     differences = [
         f"  {key}: {old.get(key, 'absent')} there, {new.get(key, 'absent')} now"
@@ -246,12 +252,7 @@ def _check_same(before: Mapping[str, Any], now: Mapping[str, Any], folder: Path)
         kept, wanted = _members(before.get(key)), _members(now.get(key))
         if not kept <= wanted:
             differences.append(f"  {key}: {before.get(key)} there, {now.get(key)} now (they can only grow)")
-    if differences:
-        lines = "\n".join(differences)
-        raise UserError(
-            f"{folder} holds results of another config:\n{lines}\n"
-            f"Set another name=... (now {now['name']}), or overwrite=true to delete what is there."
-        )
+    return "\n".join(differences)
 
 
 def _members(value: Any) -> set[Any]:
