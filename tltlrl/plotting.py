@@ -35,6 +35,7 @@ LABELS = {
 }
 FONT: dict[Any, Any] = {"font.size": 9, "axes.titlesize": 9, "legend.fontsize": 8, "pdf.fonttype": 42}
 RESAMPLES = 2000
+BATCH = 4_000_000  # numbers at a time; the band is the same for any
 CURVES = "learning_curves.csv"
 
 
@@ -156,7 +157,7 @@ def bootstrap_band(values: Array) -> tuple[Array, Array]:
     if known.any():
         interval = bootstrap(
             (values[known].T,), np.mean, axis=0, vectorized=True, n_resamples=RESAMPLES, method="percentile",
-            rng=np.random.default_rng(0),
+            batch=max(1, BATCH // values.size), rng=np.random.default_rng(0),
         ).confidence_interval  # fmt: skip
         band[:, known] = interval.low, interval.high
     return band[0], band[1]

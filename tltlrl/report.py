@@ -51,9 +51,10 @@ def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) 
       outcomes: folder of the run => its done.json, in the order of the rows.
     """
     rows = []
+    runs = curves.groupby(["case", "seed"], sort=False)
     for path, done in outcomes.items():
         case, seed = path.parent.name, int(path.name.removeprefix("seed_"))
-        run = curves[(curves["case"] == case) & (curves["seed"] == seed)]
+        run = runs.get_group((case, seed))
         satisfied = run.loc[run["robustness_policy"] > 0, "iteration"]
         rows.append(
             {
