@@ -11,7 +11,7 @@ OVERRIDES :=
 export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
 
-.PHONY: help reproduce-figures test lint types bench fuzz grid-search clean
+.PHONY: help reproduce-figures test lint types bench fuzz kill grid-search clean
 
 help:
 	@grep -E '^## ' $(MAKEFILE_LIST) | sed 's/^## //'
@@ -48,6 +48,10 @@ bench: $(READY)
 ## make fuzz: 100 000 mutated specs, each of which must give a formula or a message
 fuzz: $(READY)
 	TLTL_FUZZ=100000 $(BIN)/python -m pytest tests/spec/test_language.py -k fuzz
+
+## make kill: tltl-run killed at 3 x 20 moments of its writing, with one and two workers, and started again (TLTL_KILLS=20)
+kill: $(READY)
+	TLTL_KILLS=$${TLTL_KILLS:-20} $(BIN)/python -m pytest -s tests/test_killed.py
 
 ## make grid-search: coefficients of the hand-made rewards on seeds of their own, into docs/grid_search_*.csv
 grid-search: $(READY)

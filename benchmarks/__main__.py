@@ -4,11 +4,11 @@ import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from benchmarks import simulation, spec
+from benchmarks import scale, simulation, spec
 
 if __name__ == "__main__":
     print(f"{'measured':>10}  {'target':<10}  what")
-    for part in (simulation, spec):
+    for part in (simulation, scale, spec):
         for name, measured, target, bound in part.rows():
             wanted = "" if target is None else f"{bound} {target:g}"
             print(f"{measured:10.3g}  {wanted:<10}  {name}", flush=True)

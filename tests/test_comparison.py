@@ -7,7 +7,7 @@ import pytest
 from tltlrl.comparison import compare, holm, paired_p, probability_of_superiority
 
 
-@pytest.mark.parametrize("n", [2, 4, 7])
+@pytest.mark.parametrize("n", [2, 4, 7, 12])
 def test_the_paired_p_is_the_share_of_exchanges_at_least_as_extreme(n):
     rng = np.random.default_rng(n)
     a, b = rng.normal(0.5, 1, n), rng.normal(size=n)
@@ -16,6 +16,15 @@ def test_the_paired_p_is_the_share_of_exchanges_at_least_as_extreme(n):
     low = np.mean(means <= np.mean(a - b) + 1e-12)
     high = np.mean(means >= np.mean(a - b) - 1e-12)
     assert paired_p(a, b) == pytest.approx(min(2 * min(low, high), 1.0))
+
+
+def test_beyond_the_exact_pairs_the_random_exchanges_agree():
+    """Of a standard normal mean over n pairs, about 2 (1 - Phi(z))."""
+    rng = np.random.default_rng(0)
+    a = rng.normal(0.4, 1, 30)
+    signs = rng.choice([-1, 1], (200_000, 30))
+    expected = np.mean(np.abs(signs @ a) >= abs(a.sum()))
+    assert paired_p(a, np.zeros(30)) == pytest.approx(expected, abs=0.003)
 
 
 def test_four_seeds_cannot_give_less_than_one_eighth():

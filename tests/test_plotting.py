@@ -28,6 +28,14 @@ def test_bootstrap_band_is_near_the_normal_interval_for_many_seeds():
     np.testing.assert_allclose([low[0], high[0]], [values.mean() - half, values.mean() + half], atol=0.015)
 
 
+def test_the_band_does_not_depend_on_how_much_is_drawn_at_a_time(monkeypatch):
+    values = np.random.default_rng(2).normal(size=(50, 7))
+    whole = bootstrap_band(values)
+    for batch in (1, 350 * 3, 350 * 1024):
+        monkeypatch.setattr("tltlrl.plotting.BATCH", batch)
+        np.testing.assert_array_equal(bootstrap_band(values), whole)
+
+
 @pytest.mark.parametrize("seeds", [1, 2, 4])
 @pytest.mark.parametrize("panels", [1, 2])
 def test_figures_are_written_and_the_same_to_the_byte(tmp_path, seeds, panels):

@@ -10,6 +10,7 @@ import sys
 import time
 from pathlib import Path
 
+import psutil  # of distributed
 import pytest
 import yaml
 
@@ -141,34 +142,59 @@ def test_the_same_command_again_does_nothing_and_says_so(undisturbed):
     assert contents(undisturbed) == before
 
 
+def started(folder, *arguments):
+    """The command as a terminal's foreground job, its messages in said.txt."""
+    with open(folder / "said.txt", "w") as file:
+        return subprocess.Popen(
+            [*launcher(), *arguments],
+            cwd=folder,
+            stderr=file,
+            start_new_session=True,
+            # A background job's children inherit that Ctrl-C is ignored.
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        )
+
+
+def wait_until(condition, seconds=60):
+    deadline = time.monotonic() + seconds
+    while not condition() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert condition()
+
+
+def stop(process, kill, said):
+    """Ctrl-C or kill -9; the command and all that it started must end."""
+    descendants = psutil.Process(process.pid).children(recursive=True)
+    since = time.monotonic()
+    # As a terminal does, Ctrl-C goes to the whole group; kill -9 to the one process.
+    os.killpg(process.pid, kill) if kill == signal.SIGINT else os.kill(process.pid, kill)
+    process.wait(timeout=20)
+    if kill == signal.SIGINT:
+        assert time.monotonic() - since < 2
+        assert process.returncode == 130, said.read_text()
+        assert said.read_text().endswith("tltl-run: stopped; the same command goes on from what is done\n")
+        assert "Traceback" not in said.read_text()
+    wait_until(lambda: not any(d.is_running() and d.status() != psutil.STATUS_ZOMBIE for d in descendants), 10)
+    return descendants
+
+
 @pytest.mark.parametrize("kill", [signal.SIGKILL, signal.SIGINT])
 @pytest.mark.parametrize("workers", [1, 2])
 def test_stopped_in_the_middle_the_same_command_ends_with_the_same_bytes(undisturbed, tmp_path, kill, workers):
-    log = tmp_path / "stopped.txt"
-    with open(log, "w") as file:
-        process = subprocess.Popen(
-            [*launcher(), *SMALL, f"workers={workers}"],
-            cwd=tmp_path,
-            stderr=file,
-            start_new_session=True,
-            # As a terminal's foreground job: a background job's children inherit that Ctrl-C is ignored.
-            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-        )
-        deadline = time.monotonic() + 60
-        while not list(tmp_path.glob("runs/small/*/*/done.json")) and time.monotonic() < deadline:
-            time.sleep(0.01)
-        stop = time.monotonic()
-        # As a terminal does, Ctrl-C goes to the whole group; kill -9 to the one process.
-        os.killpg(process.pid, kill) if kill == signal.SIGINT else os.kill(process.pid, kill)
-        process.wait(timeout=20)
-    if kill == signal.SIGINT:
-        assert time.monotonic() - stop < 3
-        assert process.returncode == 130, log.read_text()
-        assert log.read_text().endswith("tltl-run: stopped; the same command goes on from what is done\n")
-        assert "Traceback" not in log.read_text()
+    process = started(tmp_path, *SMALL, f"workers={workers}")
+    wait_until(lambda: list(tmp_path.glob("runs/small/*/*/done.json")))
+    descendants = stop(process, kill, tmp_path / "said.txt")
+    assert len(descendants) >= (workers if workers > 1 else 0)
     code, _, errors = run(tmp_path, *SMALL, "workers=1")
     assert code == 0, errors
     assert contents(tmp_path / "runs" / "small") == contents(undisturbed)
+
+
+@pytest.mark.parametrize("kill", [signal.SIGKILL, signal.SIGINT])
+def test_stopped_while_its_workers_start_it_ends_with_them(tmp_path, kill):
+    process = started(tmp_path, *SMALL, "workers=2")
+    wait_until(lambda: psutil.Process(process.pid).children())
+    stop(process, kill, tmp_path / "said.txt")
 
 
 def test_more_seeds_extend_a_folder(undisturbed, tmp_path):

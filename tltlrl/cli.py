@@ -178,8 +178,8 @@ def _hydra_run(arguments: list[str]) -> int:
 
     codes: list[int] = []
 
-    def job(config: Any) -> None:
-        codes.append(_told("tltl-run", lambda: _run(config, arguments)))
+    def job(config: Any) -> None:  # Ctrl-C is not told here: it ends every job of a multirun
+        codes.append(_mistakes_told("tltl-run", lambda: _run(config, arguments)))
 
     try:
         hydra.main(version_base="1.3", config_path=str(CONFIGS), config_name="config")(job)()
@@ -274,16 +274,28 @@ def _names(group: str) -> list[str]:
 
 
 def _told(name: str, command: Callable[[], int]) -> int:
-    """Runs a command; what its user has to mend becomes one message and exit code 2."""
+    """Runs a command; what its user has to mend becomes one message and exit code 2, Ctrl-C one and 130."""
     try:
-        return command()
+        return _mistakes_told(name, command)
     except KeyboardInterrupt:
         without = " without overwrite=true" if "overwrite=true" in sys.argv else ""
         print(f"{name}: stopped; the same command{without} goes on from what is done", file=sys.stderr)
         return 130
+
+
+def _mistakes_told(name: str, command: Callable[[], int]) -> int:
+    try:
+        return command()
     except BrokenPipeError:  # whoever read the output has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except (UserError, SpecError, TraceError, OSError, MemoryError) as error:
+    except (UserError, SpecError, TraceError, MemoryError) as error:
         print(f"{name}: {error}", file=sys.stderr)
-        return 2
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename is not None else ""
+        print(
+            f"{name}: {where}{error.strerror or error}; see to the disk or the folder and start the command again: "
+            "what is done is kept",
+            file=sys.stderr,
+        )
+    return 2

@@ -8,12 +8,16 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import multiprocessing
 import os
 import signal
 import socket
+import threading
 import time
 import urllib.parse
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any
 
@@ -119,24 +123,40 @@ def _cluster(workers: int, address: str | None) -> Iterator[str]:
         yield address
         return
 
-    from distributed import LocalCluster
-
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")  # inherited by the workers: parallelism lies between runs
-    # Ctrl-C reaches the whole process group; the workers inherit that it is not theirs to answer.
-    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    cluster = None
     try:
-        cluster = LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None, processes=True)
-    finally:
-        signal.signal(signal.SIGINT, handler)
-    processes = [worker.pid for worker in cluster.workers.values()]
-    try:
+        cluster = _local_cluster(workers)
         yield cluster.scheduler_address
     except BaseException:  # Ctrl-C above all: nobody waits for workers in the middle of an iteration
-        for process in processes:
-            with contextlib.suppress(OSError):
-                os.kill(process, signal.SIGKILL)
-        with contextlib.suppress(TimeoutError):
-            cluster.close(timeout=1)
+        for process in multiprocessing.active_children():
+            process.kill()
+        if cluster is not None:
+            with contextlib.suppress(TimeoutError):
+                cluster.close(timeout=1)
         raise
     cluster.close()
+
+
+def _local_cluster(workers: int) -> Any:
+    """A cluster whose processes leave Ctrl-C, which reaches the whole process group, to this one.
+
+    They inherit the blocked signal from the thread that starts them; this thread is free to be interrupted meanwhile.
+    """
+    from distributed import LocalCluster
+
+    started: Future[Any] = Future()
+
+    def start() -> None:
+        resource_tracker.ensure_running()  # starting it unblocks the signal, so that comes first
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            cluster = LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None, processes=True)
+        except Exception as error:
+            started.set_exception(error)
+        else:
+            started.set_result(cluster)
+
+    threading.Thread(target=start, daemon=True).start()
+    return started.result()

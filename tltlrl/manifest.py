@@ -18,6 +18,10 @@ from tltlrl.config import MACHINERY_DEFAULTS, Experiment
 from tltlrl.errors import UserError
 from tltlrl.resources import spec_path
 
+KEYS = {
+    "command", "started", "ended", "python", "packages", "git", "platform", "cpu", "specs", "config", "later_sessions",
+}  # fmt: skip
+
 
 def start_session(command: list[str]) -> dict[str, Any]:
     """Who computes from now on: command line, time, versions, code, machine."""
@@ -61,7 +65,7 @@ def read_manifest(path: Path) -> dict[str, Any] | None:
         content = json.loads(path.read_text())
     except (OSError, ValueError):
         return None
-    return content if isinstance(content, dict) and "later_sessions" in content else None
+    return content if isinstance(content, dict) and content.keys() >= KEYS else None
 
 
 def _now() -> str:
@@ -81,7 +85,7 @@ def settings_of(path: Path) -> dict[str, Any]:
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise UserError(f"{path}: not the manifest.json of an experiment ({error})") from error
     try:
-        unchanged = sha256(spec_path(settings["spec"]).read_text()) == digest
+        unchanged = sha256(spec_path(settings["spec"]).read_bytes().decode("utf-8-sig")) == digest
     except UserError:
         unchanged = False
     return settings if unchanged else settings | {"spec": str(path.parent / "specs" / name)}

@@ -35,6 +35,7 @@ LABELS = {
 }
 FONT: dict[Any, Any] = {"font.size": 9, "axes.titlesize": 9, "legend.fontsize": 8, "pdf.fonttype": 42}
 RESAMPLES = 2000
+BATCH = 4_000_000  # numbers at a time; the band is the same for any
 CURVES = "learning_curves.csv"
 
 
@@ -42,19 +43,37 @@ def read_curves(folder: Path) -> pd.DataFrame:
     """learning_curves.csv of an experiment's folder.
 
     Raises:
-      UserError: if there is none, or it lacks a column.
+      UserError: if there is none, or it lacks a column or a row, or holds something that is not a number.
     """
     path = folder / CURVES
     try:
-        curves = pd.read_csv(path)
+        text = path.read_text(encoding="utf-8")
+        curves = pd.read_csv(io.StringIO(text))
     except (OSError, ValueError) as error:
         raise UserError(f"{path} cannot be read ({error}); give the folder of an experiment, as runs/NAME") from error
+    if mistake := _mistake(curves, text):
+        raise UserError(f"{path}: {mistake}; run the experiment again to write it anew")
+    return curves
+
+
+def _mistake(curves: pd.DataFrame, text: str) -> str | None:
+    """What is wrong with the learning curves of this text, if anything."""
     needed = {"task", "case", "seed", "iteration", "episodes", "robustness_mean"}
     if missing := needed - set(curves.columns):
-        raise UserError(f"{path}: no column {', '.join(sorted(missing))}; run the experiment again to write it anew")
+        return f"no column {', '.join(sorted(missing))}"
+    if not text.endswith("\n"):
+        return "its last line is cut off"
     if curves.empty or curves.duplicated(["case", "seed", "iteration"]).any():
-        raise UserError(f"{path}: empty, or with an iteration twice; run the experiment again to write it anew")
-    return curves
+        return "empty, or with an iteration twice"
+    for name in ("seed", "iteration", "episodes", "robustness_mean"):
+        if curves[name].isna().any() or not pd.api.types.is_numeric_dtype(curves[name]):
+            return f"{name} has a value that is not a number"
+    counts = curves.groupby(["case", "seed"], sort=False)["iteration"].agg(["size", "max"])
+    (wrong,) = np.nonzero((counts["size"] != counts["size"].max()) | (counts["max"] + 1 != counts["size"]))
+    if len(wrong):
+        case, seed = counts.index[wrong[0]]
+        return f"{case} seed {seed} has not the iterations of the others"
+    return None
 
 
 def plot_learning_curves(experiments: list[pd.DataFrame], path: Path) -> None:
@@ -138,7 +157,7 @@ def bootstrap_band(values: Array) -> tuple[Array, Array]:
     if known.any():
         interval = bootstrap(
             (values[known].T,), np.mean, axis=0, vectorized=True, n_resamples=RESAMPLES, method="percentile",
-            rng=np.random.default_rng(0),
+            batch=max(1, BATCH // values.size), rng=np.random.default_rng(0),
         ).confidence_interval  # fmt: skip
         band[:, known] = interval.low, interval.high
     return band[0], band[1]

@@ -15,7 +15,7 @@ LINE_SECONDS = 30.0
 class Progress:
     """Counts iterations over all runs and says what is done and what time is left."""
 
-    def __init__(self, labels: list[str], iterations: int, log: Path, stream: TextIO = sys.stderr) -> None:
+    def __init__(self, labels: list[str], iterations: int, log: Path, stream: TextIO | None = None) -> None:
         self._labels = labels
         self._iterations = iterations
         self._done = [0] * len(labels)
@@ -23,7 +23,7 @@ class Progress:
         self._failed = 0
         self._start = self._last_line = time.monotonic()
         self._earlier = [0] * len(labels)  # iterations of an earlier session, which say nothing of the speed
-        self._stream = stream
+        self._stream = stream = stream or sys.stderr
         self._log = open(log, "a", encoding="utf-8")  # noqa: SIM115  # closed by __exit__
         self._bar: Any = tqdm(
             total=len(labels) * iterations, unit="it", file=stream, disable=not stream.isatty(), dynamic_ncols=True

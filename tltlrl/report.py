@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -14,27 +13,30 @@ from tltlrl.comparison import Comparison, compare
 from tltlrl.config import Experiment
 from tltlrl.files import write_text
 from tltlrl.plotting import CURVES, plot_learning_curves
-from tltlrl.training import DONE, PROGRESS
+from tltlrl.record import PROGRESS
 
 TLTL = "tltl_episodic"
 SIGNIFICANT = 0.05
 SUMMARY, SUMMARY_PAGE, REPORT = "summary.csv", "summary.md", "report.md"
 
 
-def write_report(folder: Path, experiment: Experiment, failures: Mapping[str, str]) -> None:
-    """Writes every table and figure from the finished runs' files; what failed is listed."""
-    finished = [
-        folder / case.name / f"seed_{seed}"
-        for case in experiment.cases
-        for seed in experiment.seeds
-        if (folder / case.name / f"seed_{seed}" / DONE).exists()
-    ]
+def write_report(
+    folder: Path, experiment: Experiment, finished: Mapping[Path, Mapping[str, Any]], failures: Mapping[str, str]
+) -> None:
+    """Writes every table and figure from the finished runs' files; what failed is listed.
+
+    Args:
+      folder: where to.
+      experiment: what was asked for.
+      finished: folder of a run => its results, in the order of the tables.
+      failures: run => message.
+    """
     if not finished:
         return
     tables = [(path / PROGRESS).read_text().split("\n", 1) for path in finished]
     write_text(folder / CURVES, tables[0][0] + "\n" + "".join(rows for _, rows in tables))
     curves = pd.read_csv(folder / CURVES)
-    summary = summarise(curves, {path: json.loads((path / DONE).read_text()) for path in finished})
+    summary = summarise(curves, finished)
     write_text(folder / SUMMARY, summary.to_csv(index=False, lineterminator="\n"))
     write_text(folder / SUMMARY_PAGE, summary_page(experiment, summary, failures))
     write_text(folder / REPORT, report_page(experiment, summary, failures))
@@ -49,9 +51,10 @@ def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) 
       outcomes: folder of the run => its done.json, in the order of the rows.
     """
     rows = []
+    runs = curves.groupby(["case", "seed"], sort=False)
     for path, done in outcomes.items():
         case, seed = path.parent.name, int(path.name.removeprefix("seed_"))
-        run = curves[(curves["case"] == case) & (curves["seed"] == seed)]
+        run = runs.get_group((case, seed))
         satisfied = run.loc[run["robustness_policy"] > 0, "iteration"]
         rows.append(
             {

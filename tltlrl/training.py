@@ -11,9 +11,9 @@ import contextlib
 import csv
 import dataclasses
 import fcntl
+import json
 import os
 import time
-import zipfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,8 +24,22 @@ from numpy.typing import NDArray
 
 from tltlrl.errors import UserError, nearest
 from tltlrl.evaluation import mean_motion, trials
-from tltlrl.files import read_arrays, write_arrays, write_json, write_text
+from tltlrl.files import naming, sweep, write_bytes
 from tltlrl.policy import Policy
+from tltlrl.record import (
+    CHECKPOINT,
+    DONE,
+    PROGRESS,
+    TIMING,
+    Checkpoint,
+    DamagedError,
+    digest,
+    first_rows,
+    read_checkpoint,
+    read_results,
+    write_checkpoint,
+    write_results,
+)
 from tltlrl.reps import Update, episode_based, step_based
 from tltlrl.rollout import Simulator
 from tltlrl.spec import Spec
@@ -34,13 +48,6 @@ from tltlrl.tasks.task import Signals, Task
 
 Array = NDArray[np.float64]
 
-PROGRESS, TIMING, POLICY, DONE, CHECKPOINT = (
-    "progress.csv",
-    "timing.csv",
-    "policy.npz",
-    "done.json",
-    "checkpoint.npz",
-)
 PROGRESS_COLUMNS = (
     "task",
     "case",
@@ -64,6 +71,7 @@ PROGRESS_COLUMNS = (
 )
 TIMING_COLUMNS = ("iteration", "seconds", "physics_seconds")
 CHECKPOINT_SECONDS = 2.0
+LOCK_SECONDS = 10.0  # a worker whose command was killed ends within a few
 
 
 @dataclass(frozen=True)
@@ -142,6 +150,12 @@ class Run:
     seed: int
     algorithm: AlgorithmConfig
     trials: int
+
+    def identity(self) -> str:
+        """A digest of everything above, by which a run's files are known to be its own."""
+        spec = {"text": self.spec.text, "constants": dict(self.spec.constants)}
+        asked = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)} | {"spec": spec}
+        return digest(json.dumps(asked, sort_keys=True, default=dataclasses.asdict).encode())
 
     def make_task(self) -> Task:
         """The task; its hand-made rewards only where they are trained on, since they ask more of the spec."""
@@ -244,10 +258,13 @@ def train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
     """
     folder.mkdir(parents=True, exist_ok=True)
     with _held(folder):
-        if (folder / DONE).exists():
-            (folder / CHECKPOINT).unlink(missing_ok=True)
-        else:
-            _train(run, folder, report)
+        sweep(folder)
+        with contextlib.suppress(DamagedError):
+            if read_results(folder, run.identity()) is not None:
+                (folder / CHECKPOINT).unlink(missing_ok=True)
+                return
+        (folder / DONE).unlink(missing_ok=True)
+        _train(run, folder, report)
 
 
 @contextlib.contextmanager
@@ -255,14 +272,22 @@ def _held(folder: Path) -> Iterator[None]:
     """Keeps a second process, such as a remote worker that outlived its command, from writing to the same run.
 
     Raises:
-      UserError: if another process holds it.
+      UserError: if another process holds it, and does so for long.
     """
     descriptor = os.open(folder, os.O_RDONLY)
+    deadline = time.monotonic() + LOCK_SECONDS
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        while True:
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError as error:
+                if time.monotonic() > deadline:
+                    raise UserError(
+                        f"{folder}: another process still computes this run; stop it, and start again"
+                    ) from error
+                time.sleep(0.05)
         yield
-    except BlockingIOError as error:
-        raise UserError(f"{folder}: another process still computes this run; stop it, and start again") from error
     finally:
         os.close(descriptor)
 
@@ -270,7 +295,7 @@ def _held(folder: Path) -> Iterator[None]:
 def _train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
     task = run.make_task()
     simulator = Simulator(task)
-    first, policy, env_steps = resume(folder, initial_policy(task, run.algorithm))
+    first, policy, env_steps = resume(folder, run.identity(), initial_policy(task, run.algorithm))
     same = {
         "task": task.name,
         "case": run.case.name,
@@ -279,7 +304,11 @@ def _train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
         "seed": run.seed,
     }
     last_checkpoint = time.monotonic()
-    with open(folder / PROGRESS, "a", newline="") as progress, open(folder / TIMING, "a", newline="") as timing:
+    with (
+        naming(folder / PROGRESS),
+        open(folder / PROGRESS, "a", newline="") as progress,
+        open(folder / TIMING, "a", newline="") as timing,
+    ):
         progress_rows = csv.DictWriter(progress, PROGRESS_COLUMNS, lineterminator="\n")
         timing_rows = csv.DictWriter(timing, TIMING_COLUMNS, lineterminator="\n")
         if first == 0:
@@ -298,42 +327,27 @@ def _train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
             if time.monotonic() - last_checkpoint > CHECKPOINT_SECONDS:
                 progress.flush()
                 timing.flush()
-                write_arrays(
-                    folder / CHECKPOINT,
-                    iteration=i + 1,
-                    env_steps=env_steps,
-                    mean=policy.mean,
-                    covariance=policy.covariance,
-                )
+                write_checkpoint(folder, run.identity(), Checkpoint(i + 1, env_steps, policy.mean, policy.covariance))
                 last_checkpoint = time.monotonic()
     finish(run, task, simulator, policy, folder)
 
 
-def resume(folder: Path, start: Policy) -> tuple[int, Policy, int]:
+def resume(folder: Path, identity: str, start: Policy) -> tuple[int, Policy, int]:
     """Iterations done, the policy and the samples after them; cuts the CSV files back to the checkpoint.
 
-    Without a checkpoint, or with one that cannot be read or that has more iterations than progress.csv, the run
-    starts again from `start`.
+    Without a checkpoint, or with one that cannot be gone on from, the run starts again from `start`.
     """
-    iteration, policy, env_steps = 0, start, 0
     try:
-        saved = read_arrays(folder / CHECKPOINT)
-        rows = (folder / PROGRESS).read_text().splitlines(keepends=True)
-        timing = (folder / TIMING).read_text().splitlines(keepends=True)
-        done = int(saved["iteration"])
-        if min(len(rows), len(timing)) > done and saved["mean"].shape == start.mean.shape:
-            env_steps = int(saved["env_steps"])
-            policy = Policy(start.gain, saved["mean"], saved["covariance"], start.correlation)
-            iteration = done
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
-        pass
-    if iteration:
-        write_text(folder / PROGRESS, "".join(rows[: iteration + 1]))
-        write_text(folder / TIMING, "".join(timing[: iteration + 1]))
-    else:
-        (folder / PROGRESS).unlink(missing_ok=True)
-        (folder / TIMING).unlink(missing_ok=True)
-    return iteration, policy, env_steps
+        saved = read_checkpoint(folder, identity)
+    except DamagedError:  # told by the command before; see tltlrl.experiment.survey
+        saved = None
+    if saved is None:
+        for name in (CHECKPOINT, PROGRESS, TIMING):
+            (folder / name).unlink(missing_ok=True)
+        return 0, start, 0
+    for name in (PROGRESS, TIMING):
+        write_bytes(folder / name, first_rows(folder / name, saved.iteration))
+    return saved.iteration, Policy(start.gain, saved.mean, saved.covariance, start.correlation), saved.env_steps
 
 
 def finish(run: Run, task: Task, simulator: Simulator, policy: Policy, folder: Path) -> None:
@@ -342,15 +356,10 @@ def finish(run: Run, task: Task, simulator: Simulator, policy: Policy, folder: P
     of_policy = float(run.spec.robustness(task.signals(motion.features, motion.commands), motion.lengths)[0])
     rng = np.random.default_rng([run.seed, run.algorithm.iterations, run.trials])
     tried = try_policy(run, policy, run.trials, rng)
-    write_arrays(
-        folder / POLICY,
-        gain=policy.gain,
-        mean=policy.mean,
-        covariance=policy.covariance,
-        correlation=policy.correlation,
-    )
-    write_json(
-        folder / DONE,
+    write_results(
+        folder,
+        run.identity(),
+        policy,
         {
             "iterations": run.algorithm.iterations,
             "robustness_policy": of_policy,
@@ -360,7 +369,6 @@ def finish(run: Run, task: Task, simulator: Simulator, policy: Policy, folder: P
             "outcomes": {name: int(np.sum(values)) for name, values in tried.outcomes.items()},
         },
     )
-    (folder / CHECKPOINT).unlink(missing_ok=True)
 
 
 @dataclass(frozen=True)
