@@ -34,6 +34,7 @@ from tltlrl.training import initial_policy
 RESULTS = Path(__file__).parent.parent / "docs" / "covariance.csv"
 DIMENSIONS = 3  # joint-velocity commands of the planar arm
 COMMAND = 2.0  # their full size, rad/s
+OVERVIEW_SEEDS = 10  # 0 .. 9, those that every setting of the overview was run on
 
 published: Fit = functools.partial(fit, rule="published", kept=0.0)
 """S' = sum_i p_i (delta_i - k') (delta_i - k')^T"""
@@ -205,6 +206,23 @@ def table(results: pd.DataFrame) -> str:
     return "\n".join(lines)
 
 
+def overview(results: pd.DataFrame) -> str:
+    """One markdown line per setting, one column per task and case: seeds satisfied, median final robustness."""
+    chosen = results[results["seed"] < OVERVIEW_SEEDS]
+    columns = list(chosen.groupby(["task", "case"], sort=False).groups)
+    lines = ["| setting | " + " | ".join(f"{task} {case}" for task, case in columns) + " |"]
+    lines += ["|---" * (len(columns) + 1) + "|"]
+    for setting, part in chosen.groupby(KEYS[3:-1], sort=False, dropna=False):
+        cells = []
+        for task, case in columns:
+            final = part.loc[(part["task"] == task) & (part["case"] == case), "final"]
+            full = len(final) == OVERVIEW_SEEDS
+            cells.append(f"{(final > 0).sum()}, {final.median():.2f}" if full else "")
+        if all(cells):
+            lines.append(f"| {label(dict(zip(KEYS[3:-1], setting, strict=True)))} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
 def main(arguments: list[str]) -> None:
     """The command line."""
     parser = argparse.ArgumentParser(description="The covariance study.")
@@ -218,7 +236,10 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--results", type=Path, default=RESULTS)
     a = parser.parse_args(arguments)
     if a.what == "table":
-        print(table(pd.read_csv(a.results)))
+        results = pd.read_csv(a.results)
+        for physics, part in results.groupby("physics"):
+            print(f"\n**{physics}, seeds 0 to {OVERVIEW_SEEDS - 1}**\n\n{overview(part)}")
+        print(table(results))
         return
     for setting in a.settings:
         rows = run(a.task, a.case, setting, list(range(*a.seeds)), a.kinematic, a.iterations)

@@ -16,13 +16,17 @@ from tltlrl.rollout import Simulator
 from tltlrl.spec import load_spec
 from tltlrl.tasks import TASKS, make_default
 from tltlrl.tasks.task import environment
-from tltlrl.training import AlgorithmConfig, initial_policy
+from tltlrl.training import initial_policy
 
 SPEC_NAMES = sorted(path.stem for path in SPECS.glob("*.tltl"))
 
 
 def make(name):
     return make_default(name, random=0)
+
+
+def first_policy(task):
+    return initial_policy(task, experiment_from(compose([f"experiment={task.name}"])).algorithm)
 
 
 @pytest.fixture(scope="module", params=sorted(TASKS))
@@ -33,7 +37,7 @@ def task(request):
 @pytest.fixture(scope="module")
 def batch(task):
     """Six trajectories of the first policy: (features, commands)."""
-    policy = initial_policy(task, AlgorithmConfig())
+    policy = first_policy(task)
     simulator, rng = Simulator(task), np.random.default_rng(0)
     trajectories = simulator.rollout(policy.gain, policy.sample(6, rng), simulator.draw_command_noise(6, rng))
     return trajectories.features, trajectories.commands
@@ -84,12 +88,12 @@ def test_rewards_are_finite_and_each_value_depends_on_the_past_alone(task, batch
 def test_the_first_policy_commands_the_reference_along_the_reference(task):
     features, commands = task.reference()
     assert features.shape == (task.steps, len(task.observation))
-    policy = initial_policy(task, AlgorithmConfig())
+    policy = first_policy(task)
     np.testing.assert_allclose(features @ policy.gain.T + policy.mean, commands, atol=1e-9)
 
 
 def test_same_noise_same_trajectories(task):
-    policy = initial_policy(task, AlgorithmConfig())
+    policy = first_policy(task)
     first, second = (
         Simulator(task).rollout(policy.gain, policy.sample(3, rng), Simulator(task).draw_command_noise(3, rng))
         for rng in (np.random.default_rng(1), np.random.default_rng(1))

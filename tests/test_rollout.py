@@ -1,10 +1,13 @@
 """The batch against the environment that `dm_env` users step."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tltlrl.rollout import Simulator
-from tltlrl.tasks.planar_arm import PlanarArm, PlanarArmConfig
+from tltlrl.tasks import default_settings
+from tltlrl.tasks.planar_arm import PlanarArm
 from tltlrl.tasks.task import environment
 
 
@@ -14,7 +17,9 @@ def zero_reward(signals):
 
 @pytest.fixture(scope="module")
 def task():
-    return PlanarArm(PlanarArmConfig(steps=60, command_noise=0.0), {"discrete": zero_reward})
+    return PlanarArm(
+        replace(default_settings("reach_avoid")[0], steps=60, command_noise=0.0), {"discrete": zero_reward}
+    )
 
 
 def feedback(task):

@@ -76,27 +76,27 @@ LOCK_SECONDS = 10.0  # a worker whose command was killed ends within a few
 
 @dataclass(frozen=True)
 class AlgorithmConfig:
-    """Policy search.
+    """Policy search; the defaults are in configs/algorithm/reps.yaml.
 
     Attributes:
       iterations: policy updates.
       samples: trajectories per iteration.
       epsilon: bound of the samples' KL per update, nats; below log(samples).
-      covariance: "damped" (default) or "published" fit of Sigma_t; see tltlrl.reps.fit.
+      covariance: "damped" or "published" fit of Sigma_t; see tltlrl.reps.fit.
       kept: share of the old covariance in the damped fit, in [0, 1).
       initial_std: exploration of the first policy, as a share of each command's full size.
       feedback: strength of the fixed gain K, in units of the task's own feedback matrix.
       correlation: width in steps of the exploration noise's correlation over time; 0 for none.
     """
 
-    iterations: int = 200
-    samples: int = 20
-    epsilon: float = 1.0
-    covariance: str = "damped"
-    kept: float = 0.5
-    initial_std: float = 1.0
-    feedback: float = -1.0
-    correlation: float = 0.0
+    iterations: int
+    samples: int
+    epsilon: float
+    covariance: str
+    kept: float
+    initial_std: float
+    feedback: float
+    correlation: float
 
 
 @dataclass(frozen=True)

@@ -1,23 +1,23 @@
 """The arm: its table, its kinematics, its servo, its rewards."""
 
 import re
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 import pytest
 
 from tltlrl.errors import UserError
-from tltlrl.tasks import planar_arm
+from tltlrl.tasks import default_settings, planar_arm
 from tltlrl.tasks.planar_arm import (
     PlanarArm,
-    PlanarArmConfig,
-    ReachAvoidReward,
-    VisitInOrderReward,
     forward_kinematics,
     model_xml,
 )
 from tltlrl.tasks.task import CONTROL_TIMESTEP
 
+ARM, REACH_AVOID = default_settings("reach_avoid")
+_, VISIT_IN_ORDER = default_settings("visit_in_order")
 CONSTANTS = {
     "goal": (-1.2, 1.4),
     "goal_radius": 0.2,
@@ -34,7 +34,7 @@ def test_observation_table_of_the_docstring_is_the_code():
 
 
 def test_each_feature_is_the_quantity_that_the_table_says():
-    task = PlanarArm(PlanarArmConfig(), {})
+    task = PlanarArm(ARM, {})
     physics = task.make_physics()
     rng = np.random.default_rng(0)
     for _ in range(20):
@@ -51,7 +51,7 @@ def test_each_feature_is_the_quantity_that_the_table_says():
 
 
 def test_link_lengths_reach_model_and_kinematics():
-    task = PlanarArm(PlanarArmConfig(link_lengths=[0.5, 1.5, 0.25]), {})
+    task = PlanarArm(replace(ARM, link_lengths=[0.5, 1.5, 0.25]), {})
     physics = task.make_physics()
     physics.data.qpos[:] = [0.1, -0.7, 1.3]
     physics.forward()
@@ -61,7 +61,7 @@ def test_link_lengths_reach_model_and_kinematics():
 
 
 def test_command_limit_reaches_the_model():
-    physics = PlanarArm(PlanarArmConfig(max_speed=1.25), {}).make_physics()
+    physics = PlanarArm(replace(ARM, max_speed=1.25), {}).make_physics()
     np.testing.assert_array_equal(physics.model.actuator_ctrlrange, [[-1.25, 1.25]] * 3)
 
 
@@ -100,7 +100,7 @@ def test_servo_is_fast_enough(seed):
 
 
 def test_reach_avoid_rewards_are_equation_3_2():
-    rewards = planar_arm.reach_avoid_rewards(ReachAvoidReward(goal=5, obstacle=-2, c1=1.0, c2=0.25), CONSTANTS)
+    rewards = planar_arm.reach_avoid_rewards(replace(REACH_AVOID, goal=5, obstacle=-2, c1=1.0, c2=0.25), CONSTANTS)
     ee = np.array([[[-1.2, 1.59], [0.3, 2.4], [-0.6, 0.3], [2.0, 2.0]]])  # at the goal, in obstacle 1, in 2, free
     np.testing.assert_array_equal(rewards["discrete"]({"ee": ee}), [[5.0, -2.0, -2.0, 0.0]])
     for point, value in zip(ee[0], rewards["continuous"]({"ee": ee})[0], strict=True):
@@ -112,7 +112,7 @@ def test_reach_avoid_rewards_are_equation_3_2():
 def test_rewards_say_which_constants_of_the_spec_they_miss():
     missing = r"need its constants goal \(a vector\), goal_radius \(a number\); it has target"
     with pytest.raises(UserError, match=missing):
-        planar_arm.reach_avoid_rewards(ReachAvoidReward(), {"target": (0.0, 0.0)})
+        planar_arm.reach_avoid_rewards(REACH_AVOID, {"target": (0.0, 0.0)})
 
 
 R, G, B, FREE, IN_OBSTACLE = (0.2, 2.2), (-1.6, 1.2), (1.6, 0.6), (2.5, 0.0), (0.0, 0.9)
@@ -138,12 +138,12 @@ IN_ORDER = {
     ],
 )
 def test_visit_in_order_discrete_is_equation_3_5_with_its_memory(path, rewards):
-    discrete = planar_arm.visit_in_order_rewards(VisitInOrderReward(), IN_ORDER)["discrete"]
+    discrete = planar_arm.visit_in_order_rewards(VISIT_IN_ORDER, IN_ORDER)["discrete"]
     np.testing.assert_array_equal(discrete({"ee": np.array([path])}), [rewards])
 
 
 def test_visit_in_order_continuous_is_equation_3_5_with_its_memory():
-    coefficients = VisitInOrderReward(c1=1.0, c2=0.3, c3=0.2)
+    coefficients = replace(VISIT_IN_ORDER, c1=1.0, c2=0.3, c3=0.2)
     continuous = planar_arm.visit_in_order_rewards(coefficients, IN_ORDER)["continuous"]
     path = np.array([FREE, R, FREE, G, B, FREE])
     following = ["r", "r", "g", "g", "b", None]  # the goal to go for at each sample: visits count from the next on
@@ -158,8 +158,8 @@ def test_the_environments_reward_remembers_the_episode():
     """Stepping gives, sample by sample, what the batch gives at once."""
     from tltlrl.tasks.task import environment
 
-    rewards = planar_arm.visit_in_order_rewards(VisitInOrderReward(), IN_ORDER | {"goal_radius": 0.6})
-    env = environment(PlanarArm(PlanarArmConfig(name="visit_in_order", steps=80, command_noise=0.0), rewards))
+    rewards = planar_arm.visit_in_order_rewards(VISIT_IN_ORDER, IN_ORDER | {"goal_radius": 0.6})
+    env = environment(PlanarArm(replace(ARM, name="visit_in_order", steps=80, command_noise=0.0), rewards))
     timestep = env.reset()
     path, stepped = [timestep.observation["end_effector"]], []
     rng = np.random.default_rng(4)

@@ -3,34 +3,18 @@ told."""
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
 from tltlrl.spec import syntax
+from tltlrl.spec.declarations import FUNCTIONS, Declarations, Value, check_binding, declare
 from tltlrl.spec.errors import Source, Span, SpecError, did_you_mean
 from tltlrl.spec.graph import Graph
 from tltlrl.spec.shortcut import at_start
 from tltlrl.spec.syntax import Node
 
-Value = float | tuple[float, ...]
-Constants = Mapping[str, Value | Mapping[str, Value]]
-
-# name -> fewest and most arguments
-FUNCTIONS = {
-    "abs": (1, 1),
-    "sqrt": (1, 1),
-    "exp": (1, 1),
-    "sin": (1, 1),
-    "cos": (1, 1),
-    "min": (1, math.inf),
-    "max": (1, math.inf),
-    "norm": (1, 1),
-    "distance": (2, 2),
-    "ball": (3, 3),
-    "box": (3, 3),
-}
 _ONE_SCALAR = {"abs": "absolute", "sqrt": "sqrt", "exp": "exp", "sin": "sin", "cos": "cos"}
 _ARITHMETIC = {"+": "add", "-": "subtract", "*": "multiply", "/": "divide", "**": "power"}
 
@@ -96,194 +80,33 @@ class Meaning:
 
 def resolve(source: Source, document: syntax.Document, overrides: Mapping[str, object] | None) -> Meaning:
     """Settle every name. Raises SpecError."""
-    return _Resolver(source, document, overrides or {}).meaning()
+    return _Resolver(source, declare(source, document, overrides or {})).meaning()
 
 
 class _Resolver:
     """One pass over one document; its attributes are the tables that the pass fills."""
 
-    def __init__(self, source: Source, document: syntax.Document, overrides: Mapping[str, object]) -> None:
+    def __init__(self, source: Source, declared: Declarations) -> None:
         self.source = source
+        self.declared = declared
         self.graph = Graph()
-        self.signals: dict[str, int | None] = {}
-        self.signal_spans: dict[str, Span] = {}
-        self.families: dict[str, tuple[str, ...]] = {}
         self.results: dict[tuple[str, str | None], Quantity | Truth] = {}
         self.predicates: dict[int, Predicate] = {}
         self.places: dict[int, Predicate] = {}
         self.regions: list[Region] = []
         self.distances: dict[int, tuple[Node, tuple[float, ...]]] = {}  # of a point from a fixed one
         self.within: str | None = None  # the named sub-formula being read
-        self.declared: dict[str, syntax.Signal | syntax.Constant | syntax.Definition] = {}
-        self.is_bare = not document.declarations and document.formula.span == document.span
-        self._declare(document)
-        self.constants = self._effective_constants(document, overrides)
-        self.document = self._with_constants(document)
 
     def error(self, node: Node | Span, problem: str) -> SpecError:
         return SpecError(self.source, node if isinstance(node, Span) else node.span, problem)
 
-    # Declarations
-
-    def _declare(self, document: syntax.Document) -> None:
-        labels: dict[str, list[str]] = {}
-        for d in document.declarations:
-            first = self.declared.get(d.name)
-            if d.name in FUNCTIONS:
-                raise self.error(d, f"'{d.name}' is a function of the language; expected a new name; choose another")
-            if first is not None and not (isinstance(d, syntax.Constant) and isinstance(first, syntax.Constant)):
-                raise self.error(
-                    d, f"'{d.name}' is declared twice, first on line {first.span.line}; expected once; rename one"
-                )
-            if isinstance(d, syntax.Constant):
-                if first is not None and (d.label is None or d.name not in labels or d.label in labels[d.name]):
-                    what = d.name if d.label is None else f"{d.name}[{d.label}]"
-                    raise self.error(
-                        d, f"'{what}' is declared twice, first on line {first.span.line}; expected once; delete one"
-                    )
-                if d.label is not None:
-                    labels.setdefault(d.name, []).append(d.label)
-                if not all(map(math.isfinite, d.value if isinstance(d.value, tuple) else (d.value,))):
-                    raise self.error(
-                        d, f"the value of '{d.name}' is too large for a float; expected a finite number; write one"
-                    )
-            if isinstance(d, syntax.Signal) and d.dimension is not None and d.dimension < 1:
-                raise self.error(d, "found no dimension; expected a whole number from 1 on; write for instance ee[2]")
-            if isinstance(d, syntax.Definition) and d.variable:
-                labels[d.name] = list(d.labels)
-            self.declared.setdefault(d.name, d)
-            if isinstance(d, syntax.Signal):
-                self.signals[d.name] = d.dimension
-                self.signal_spans[d.name] = d.span
-        self.families = {name: tuple(found) for name, found in labels.items()}
-        for d in document.declarations:
-            if isinstance(d, syntax.Definition) and d.variable:
-                self._check_binding(d.span, d.variable, d.labels)
-        if self.is_bare:
-            self._infer_signals(document.formula)
-
-    def _check_binding(self, span: Span, variable: str, labels: tuple[str, ...]) -> None:
-        if len(set(labels)) < len(labels):
-            twice = next(label for label in labels if labels.count(label) > 1)
-            raise self.error(span, f"the label '{twice}' is listed twice; expected once; delete one")
-        if variable in self.declared or variable in labels or variable in FUNCTIONS:
-            raise self.error(
-                span,
-                f"the variable '{variable}' has another meaning here; expected a new name; choose another variable",
-            )
-
-    def _infer_signals(self, formula: Node) -> None:
-        """In a bare formula every free name is a signal: a vector where it meets one, else a scalar."""
-        names: dict[str, Span] = {}
-        for node, _ in syntax.walk(formula):
-            if isinstance(node, syntax.Name):
-                names.setdefault(node.name, node.span)
-        known: dict[str, int] = {}
-        for _ in range(2):
-            for node, _ in syntax.walk(formula):
-                match node:
-                    case syntax.Call("distance" | "ball" | "box", pair) if len(pair) > 1:
-                        # A ball's radius is a scalar; all else in these three calls has one dimension.
-                        terms = pair[:2] if node.function == "ball" else pair
-                    case syntax.Arithmetic("+" | "-", a, b):
-                        terms = (a, b)
-                    case _:
-                        continue
-                dimension = next((d for t in terms if (d := _dimension(t, known)) is not None), None)
-                if dimension is not None:
-                    known |= {t.name: dimension for t in terms if isinstance(t, syntax.Name)}
-        self.signals = {name: known.get(name) for name in names}
-        self.signal_spans = names
-
-    # Constants
-
-    def _effective_constants(
-        self, document: syntax.Document, overrides: Mapping[str, object]
-    ) -> dict[str, Value | dict[str, Value]]:
-        own = [d for d in document.declarations if isinstance(d, syntax.Constant)]
-        names = list(dict.fromkeys(d.name for d in own))
-        for name in overrides:
-            if name not in names:
-                span = own[0].span if own else document.span
-                raise self.error(
-                    span,
-                    f"an override gives the constant '{name}', which this spec lacks; expected one of "
-                    f"its own; {did_you_mean(name, names)}",
-                )
-        for name, given in overrides.items():
-            d = next(d for d in own if d.name == name)
-            if name in self.families:
-                if not isinstance(given, Mapping):
-                    first = self.families[name][0]
-                    raise self.error(
-                        d,
-                        f"'{name}' is a family of constants, and its override is {given!r}; "
-                        f"expected a mapping, such as {{'{first}': {syntax.value_text(d.value)}}}; write one",
-                    )
-                for label in given:
-                    if str(label) not in self.families[name]:
-                        raise self.error(
-                            d,
-                            f"an override gives '{name}[{label}]', which this spec lacks; expected one of its own; "
-                            f"{did_you_mean(str(label), self.families[name])}",
-                        )
-        constants: dict[str, Value | dict[str, Value]] = {}
-        for d in own:
-            given = overrides.get(d.name, d.value)
-            if d.label is None:
-                constants[d.name] = self._value(d, given)
-            else:
-                family = constants.setdefault(d.name, {})
-                assert isinstance(family, dict)
-                by_label = {str(k): v for k, v in given.items()} if isinstance(given, Mapping) else {}
-                family[d.label] = self._value(d, by_label.get(d.label, d.value))
-        return constants
-
-    def _value(self, d: syntax.Constant, given: object) -> Value:
-        """An override as floats, of the same dimension as the value it replaces."""
-        what = d.name if d.label is None else f"{d.name}[{d.label}]"
-        expected = f"a vector of {len(d.value)} numbers" if isinstance(d.value, tuple) else "a number"
-        try:
-            if isinstance(given, str | bytes | bool):
-                raise TypeError
-            value: Value
-            if isinstance(d.value, tuple):
-                value = tuple(float(v) for v in given)  # type: ignore[attr-defined]
-                fits = len(value) == len(d.value) and all(map(math.isfinite, value))
-            else:
-                value = float(given)  # type: ignore[arg-type]
-                fits = math.isfinite(value)
-        except (TypeError, ValueError, OverflowError):
-            fits = False
-        if not fits:
-            raise self.error(
-                d,
-                f"the override of '{what}' is {given!r}; expected {expected}, finite, as the spec's own "
-                f"value; correct the override",
-            )
-        return value
-
-    def _with_constants(self, document: syntax.Document) -> syntax.Document:
-        def effective(
-            d: syntax.Signal | syntax.Constant | syntax.Definition,
-        ) -> syntax.Signal | syntax.Constant | syntax.Definition:
-            if not isinstance(d, syntax.Constant):
-                return d
-            value = self.constants[d.name]
-            if isinstance(value, dict):
-                assert d.label is not None
-                value = value[d.label]
-            return syntax.Constant(d.name, d.label, value, span=d.span)
-
-        return syntax.Document(tuple(map(effective, document.declarations)), document.formula, span=document.span)
-
     # The pass
 
     def meaning(self) -> Meaning:
-        definitions = {d.name: d for d in self.document.declarations if isinstance(d, syntax.Definition)}
-        for name in self.signals:
+        definitions = {d.name: d for d in self.declared.document.declarations if isinstance(d, syntax.Definition)}
+        for name in self.declared.signals:
             self.results[name, None] = self._signal(name)
-        for name, constant in self.constants.items():
+        for name, constant in self.declared.constants.items():
             for label, value in constant.items() if isinstance(constant, dict) else [(None, constant)]:
                 self.results[name, label] = self._number(value)
         for name in self._order(definitions):
@@ -291,7 +114,7 @@ class _Resolver:
             for label in d.labels or (None,):
                 self._define(d, label)
         self.within = None
-        root = self.truth(self.document.formula, {}).node
+        root = self.truth(self.declared.document.formula, {}).node
         order = [
             (title, label, result.node, d)
             for name, d in definitions.items()
@@ -301,13 +124,13 @@ class _Resolver:
         ]
         titles: list[str | None] = [title for title, *_ in order] + [None]
         return Meaning(
-            self.document,
+            self.declared.document,
             self.graph,
             root,
             at_start(self.graph, root),
-            self.signals,
-            self.signal_spans,
-            self.constants,
+            self.declared.signals,
+            self.declared.signal_spans,
+            self.declared.constants,
             {title: (node, _with_labels(d.body, {d.variable: label})) for title, label, node, d in order},
             self.predicates,
             self.places,
@@ -346,7 +169,7 @@ class _Resolver:
         self.results[d.name, label] = self.truth(d.body, scope)
 
     def _signal(self, name: str) -> Quantity:
-        dimension = self.signals[name]
+        dimension = self.declared.signals[name]
         parts = [None] if dimension is None else range(dimension)
         return Quantity(tuple(self.graph.add("signal", data=(name, part)) for part in parts), dimension)
 
@@ -358,8 +181,8 @@ class _Resolver:
     # Names
 
     def _name(self, node: syntax.Name, scope: Mapping[str, str]) -> Quantity | Truth:
-        if node.name in self.families:
-            labels = self.families[node.name]
+        if node.name in self.declared.families:
+            labels = self.declared.families[node.name]
             raise self.error(
                 node,
                 f"'{node.name}' is a family; expected one of its members; write {node.name}[{labels[0]}]",
@@ -375,7 +198,7 @@ class _Resolver:
             )
         if node.name in FUNCTIONS:
             raise self.error(node, f"'{node.name}' is a function; expected its arguments; write {node.name}(...)")
-        known = [*self.declared, *FUNCTIONS]
+        known = [*self.declared.names, *FUNCTIONS]
         advice = did_you_mean(node.name, known)
         if not advice.startswith("did"):
             advice = f"declare it, for instance with 'signal {node.name}'"
@@ -383,8 +206,8 @@ class _Resolver:
 
     def _index(self, node: syntax.Index, scope: Mapping[str, str]) -> Quantity | Truth:
         base, label = node.base, scope.get(node.label, node.label)
-        if isinstance(base, syntax.Name) and base.name in self.families:
-            labels = self.families[base.name]
+        if isinstance(base, syntax.Name) and base.name in self.declared.families:
+            labels = self.declared.families[base.name]
             if label not in labels:
                 raise self.error(
                     node,
@@ -459,7 +282,9 @@ class _Resolver:
         result = self.quantity(node, scope)
         if result.dimension is None:
             advice = (
-                f"declare '{node}' as a vector: signal {node}[2]" if self.is_bare else "use a vector or leave it out"
+                f"declare '{node}' as a vector: signal {node}[2]"
+                if self.declared.is_bare
+                else "use a vector or leave it out"
             )
             raise self.error(node, f"found a scalar; expected a vector: {reason}; {advice}")
         return result
@@ -510,7 +335,7 @@ class _Resolver:
     def _call(self, node: syntax.Call, scope: Mapping[str, str]) -> Quantity | Truth:
         name, arguments = node.function, node.arguments
         if name not in FUNCTIONS:
-            what = "is no function" if name in self.declared else "unknown function"
+            what = "is no function" if name in self.declared.names else "unknown function"
             advice = did_you_mean(name, FUNCTIONS)
             raise self.error(node, f"{what}: '{name}'; expected one of {', '.join(FUNCTIONS)}; {advice}")
         fewest, most = FUNCTIONS[name]
@@ -597,7 +422,7 @@ class _Resolver:
         return self._predicate(node, self.fold(node, "minimum", *faces), scope)
 
     def _remember(self, point: Node, kind: str, inside: bool, **shape: Any) -> None:
-        signal = point.name if isinstance(point, syntax.Name) and point.name in self.signals else None
+        signal = point.name if isinstance(point, syntax.Name) and point.name in self.declared.signals else None
         self.regions.append(Region(self.within, kind, signal, inside, **shape))
 
     # Formulas
@@ -669,7 +494,7 @@ class _Resolver:
                 a, b = of(p), of(q)
                 return add("then", a, b, data=(None, not self.graph.pointwise[a]))
             case syntax.ForEach(quantifier, variable, labels, body):
-                self._check_binding(node.span, variable, labels)
+                check_binding(self.source, node.span, variable, labels, self.declared.names)
                 if variable in scope:
                     raise self.error(
                         node,
@@ -730,18 +555,3 @@ def _title(name: str, label: str | None) -> str:
 
 def _shape(value: Quantity) -> str:
     return "a scalar" if value.dimension is None else f"a vector of {value.dimension}"
-
-
-def _dimension(node: Node, known: Mapping[str, int]) -> int | None:
-    """The dimension of an expression in a bare formula as far as its form shows it."""
-    parts: Iterator[Node] = iter(())
-    match node:
-        case syntax.Vector(items):
-            return len(items)
-        case syntax.Name(name):
-            return known.get(name)
-        case syntax.Negative(a):
-            parts = iter((a,))
-        case syntax.Arithmetic(_, a, b):
-            parts = iter((a, b))
-    return next((d for part in parts if (d := _dimension(part, known)) is not None), None)

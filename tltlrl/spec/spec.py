@@ -8,11 +8,12 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tltlrl.spec.declarations import Value
 from tltlrl.spec.errors import Source, Span, SpecError, TraceError, did_you_mean
 from tltlrl.spec.explain import Explanation, explain
 from tltlrl.spec.graph import Array
 from tltlrl.spec.parser import parse
-from tltlrl.spec.resolve import Meaning, Region, Value, resolve
+from tltlrl.spec.resolve import Meaning, Region, resolve
 from tltlrl.spec.semantics import Plan, Signals, plan
 
 # Values of one block of trajectories: small enough that the arrays of a formula stay in a core's cache.

@@ -93,9 +93,16 @@ def load_task(name: str, seed: int | None = None) -> control.Environment:
 
 def make_default(name: str, random: int | None = None) -> Task:
     """The task `name` as the config, the rewards' config and the spec that come with tltlrl describe it."""
+    config, reward = default_settings(name)
+    entry = task_entry(name)
+    return entry.make(config, entry.rewards(reward, load_spec(spec_path(name)).constants), random=random)
+
+
+def default_settings(name: str) -> tuple[Any, Any]:
+    """The config dataclasses of the task `name` and of its hand-made rewards, with the values that come with tltlrl."""
     entry = task_entry(name)
     config, reward = (
         kind(**yaml.safe_load((CONFIGS / group / f"{name}.yaml").read_text()))
         for kind, group in ((entry.config, "task"), (entry.reward, "reward"))
     )
-    return entry.make(config, entry.rewards(reward, load_spec(spec_path(name)).constants), random=random)
+    return config, reward

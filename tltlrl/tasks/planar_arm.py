@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import collections
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib.resources import files
 from typing import Any
 
@@ -37,7 +37,7 @@ HEADING = np.triu(np.ones((3, 3)))  # angles @ HEADING: each link's angle from t
 
 @dataclass(frozen=True)
 class PlanarArmConfig:
-    """The arm and its episode.
+    """The arm and its episode; the defaults are in configs/task.
 
     Attributes:
       name: reach_avoid or visit_in_order.
@@ -48,12 +48,12 @@ class PlanarArmConfig:
       command_noise: standard deviation of the noise on every command, rad/s.
     """
 
-    name: str = "reach_avoid"
-    steps: int = 200
-    link_lengths: list[float] = field(default_factory=lambda: [1.0, 1.0, 1.0])
-    start_angles: list[float] = field(default_factory=lambda: [0.5, 0.5, 0.5])
-    max_speed: float = 2.0
-    command_noise: float = 0.02
+    name: str
+    steps: int
+    link_lengths: list[float]
+    start_angles: list[float]
+    max_speed: float
+    command_noise: float
 
     def __post_init__(self) -> None:
         if len(self.link_lengths) != 3 or min(self.link_lengths) <= 0:
@@ -66,7 +66,7 @@ class PlanarArmConfig:
 
 @dataclass(frozen=True)
 class ReachAvoidReward:
-    """Coefficients of eq. 3.2.
+    """Coefficients of eq. 3.2; the defaults are in configs/reward.
 
     Attributes:
       goal: discrete reward of a sample at the goal.
@@ -75,15 +75,15 @@ class ReachAvoidReward:
       c2: gain of a metre from each obstacle.
     """
 
-    goal: float = 5.0
-    obstacle: float = -2.0
-    c1: float = 1.0
-    c2: float = 0.02
+    goal: float
+    obstacle: float
+    c1: float
+    c2: float
 
 
 @dataclass(frozen=True)
 class VisitInOrderReward:
-    """Coefficients of eq. 3.5.
+    """Coefficients of eq. 3.5; the defaults are in configs/reward.
 
     Attributes:
       goal: discrete reward of entering the goal that is next.
@@ -94,12 +94,12 @@ class VisitInOrderReward:
       c3: gain of a metre from each obstacle.
     """
 
-    goal: float = 5.0
-    wrong_order: float = -5.0
-    obstacle: float = -2.0
-    c1: float = 1.0
-    c2: float = 0.2
-    c3: float = 0.05
+    goal: float
+    wrong_order: float
+    obstacle: float
+    c1: float
+    c2: float
+    c3: float
 
 
 class Physics(mujoco.Physics):  # type: ignore[misc]  # dm_control has no types
