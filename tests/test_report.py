@@ -1,25 +1,65 @@
+from pathlib import Path
+
 import pandas as pd
 
-from tltlrl.report import claim_lines
+from tltlrl.reasons import Reason, to_json
+from tltlrl.report import bottleneck_lines, trial_lines
+
+LATE = Reason("`d < 0.2` in at_goal", 1, 199, 199, -0.5, -0.5)
+LATER = Reason("`d < 0.2` in at_goal", 1, 150, 150, -0.25, -0.25)
+INSIDE = Reason("`d > 0.5 | e` in safe", 2, 10, 12, -0.1, -0.05)
 
 
-def summary(tltl, continuous, step):
-    rows = [("tltl_episodic", tltl), ("continuous_episodic", continuous), ("continuous_step", step)]
+def finished(*runs):
+    """(case, seed, why its policy fails, why its trials fail) => what read_results gives of each run."""
+    return {
+        Path(case) / f"seed_{seed}": {
+            "satisfied": not policy,
+            "trials": 4,
+            "successes": 4 - sum(reason.count for reason in trials),
+            "why_policy_fails": to_json(policy),
+            "why_trials_fail": to_json(trials),
+        }
+        for case, seed, policy, trials in runs
+    }
+
+
+def test_what_holds_failed_policies_back_is_counted_over_the_seeds():
+    runs = finished(("a", 0, [LATE], []), ("a", 1, [LATER], []), ("a", 2, [], []), ("b", 0, [], []))
+    lines = bottleneck_lines(runs)
+    assert "- a, 2 of 3 seeds:" in lines
+    assert (
+        "  - 2 of 3: `d < 0.2` in at_goal, at steps 150 to 199 (7.50 to 9.95 s), robustness -0.500 to -0.250" in lines
+    )
+    assert not any(line.startswith("- b") for line in lines)
+    assert bottleneck_lines(finished(("b", 0, [], []))) == []
+
+
+def test_folders_of_an_older_version_say_that_reasons_are_not_recorded():
+    runs = finished(("a", 0, [LATE], [INSIDE]))
+    for done in runs.values():
+        del done["why_policy_fails"], done["why_trials_fail"]
+    assert "  - 1 of 1: not recorded, by an older version" in bottleneck_lines(runs)
+    (row,) = (line for line in trial_lines(summary(runs), runs) if line.startswith("| a | 0 |"))
+    assert row.endswith("| not recorded, by an older version |")
+
+
+def test_the_trials_of_every_run_with_their_interval_and_reasons():
+    runs = finished(("a", 0, [], []), ("a", 1, [], [INSIDE, LATE]))
+    lines = trial_lines(summary(runs, bread_in_slot=3), runs)
+    assert "| case | seed | successful trials (95 % Wilson interval) | with bread in slot | why trials failed |" in lines
+    assert "| a | 0 | 4 of 4 (0.510 to 1.000) | 3 of 4 |  |" in lines
+    assert (
+        "| a | 1 | 1 of 4 (0.046 to 0.699) | 3 of 4 | 2: `d > 0.5 \\| e` in safe, at steps 10 to 12 (0.50 to 0.60 s), "
+        "robustness -0.100 to -0.050; 1: `d < 0.2` in at_goal, at step 199 (9.95 s), robustness -0.500 |"
+    ) in lines
+
+
+def summary(runs, **judged):
     return pd.DataFrame(
-        {"case": case, "seed": seed, "robustness_policy": value, "robustness_mean_over_run": value - 0.5}
-        for case, values in rows for seed, value in enumerate(values)
+        {
+            "case": path.parent.name, "seed": int(path.name[5:]), "trials": done["trials"],
+            "successes": done["successes"], "success_rate": done["successes"] / done["trials"], **judged,
+        }
+        for path, done in runs.items()
     )  # fmt: skip
-
-
-def test_claims_follow_the_numbers():
-    better = "\n".join(claim_lines(summary([0.2, 0.3, 0.2], [0.1, 0.0, 0.1], [0.1, 0.1, 0.15])))
-    assert "best rate of convergence: so it was on these 3 seeds, too few or too much alike to tell" in better
-    certain = "\n".join(claim_lines(summary([0.2] * 7, [0.1] * 7, [0.0] * 7)))
-    assert "best final value: confirmed (n = 7, p < 0.05)" in certain
-    assert "| tltl_episodic | continuous_episodic | robustness_policy | 3 | +0.167 | 1.00 | 0.500 |" in better
-    worse = "\n".join(claim_lines(summary([0.2, 0.3, 0.2], [0.1, 0.0, 0.1], [0.4, 0.1, 0.5])))
-    assert "best final value: not confirmed" in worse
-
-
-def test_one_case_alone_claims_nothing():
-    assert claim_lines(summary([0.2], [0.1], [0.1]).query("case == 'tltl_episodic'")) == [""]

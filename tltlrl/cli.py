@@ -120,16 +120,15 @@ def _evaluate(arguments: argparse.Namespace) -> int:
 
 def _render(arguments: argparse.Namespace) -> int:
     from tltlrl.experiment import open_run
-    from tltlrl.tasks.planar_arm import PlanarArm
     from tltlrl.video import render_motion
-    from tltlrl.workspace import draw_workspace
+    from tltlrl.workspace import WORKSPACE, draw_workspace, drawable
 
     run, policy = open_run(arguments.run)
     folder = arguments.output or arguments.run
     folder.mkdir(parents=True, exist_ok=True)
-    if isinstance(run.make_task(), PlanarArm):
-        draw_workspace(run, policy, folder / "workspace")
-        print(f"{folder}/workspace.png, .pdf: the paths")
+    if drawable(run.task):
+        draw_workspace(run, policy, folder / WORKSPACE)
+        print(f"{folder}/{WORKSPACE}.png, .pdf: the paths")
     render_motion(run, policy, folder / "motion")
     print(f"{folder}/motion.gif: the motion; motion.png: frames of it")
     return 0

@@ -19,9 +19,10 @@ from tltlrl.files import sweep, write_json, write_text
 from tltlrl.manifest import end_session, manifest, read_manifest, sha256, start_session
 from tltlrl.policy import Policy
 from tltlrl.progress import Progress
-from tltlrl.record import DONE, DamagedError, read_checkpoint, read_policy, read_results
+from tltlrl.record import DONE, POLICY, DamagedError, read_checkpoint, read_policy, read_results
 from tltlrl.report import write_report
 from tltlrl.training import Run
+from tltlrl.workspace import WORKSPACE, draw_workspace, drawable
 
 CONFIG, MANIFEST, SPECS, LOG, LOCK = "config.yaml", "manifest.json", "specs", "log.txt", ".lock"
 GROWING = ("cases", "seeds")  # more of these extend a folder; anything else makes it another experiment
@@ -58,7 +59,9 @@ def run_experiment(experiment: Experiment, command: list[str]) -> bool:
             if kept:
                 progress.say(f"{kept} of {kept + len(missing)} runs were done before and are kept")
             failures = compute(folder, experiment, missing, progress) if missing else {}
-        write_report(folder, experiment, finished(folder, experiment), failures)
+        results = finished(folder, experiment)
+        write_report(folder, experiment, results, failures)
+        draw_cases(folder, experiment, results)
         if missing or before is None:
             write_json(folder / MANIFEST, manifest(experiment, before, end_session(session)))
     return not failures
@@ -98,6 +101,27 @@ def finished(folder: Path, experiment: Experiment) -> dict[Path, dict[str, Any]]
             if (content := read_results(path, run.identity())) is not None:
                 results[path] = content
     return results
+
+
+def draw_cases(folder: Path, experiment: Experiment, results: Mapping[Path, Mapping[str, Any]]) -> None:
+    """The workspace of every case, if the task has one: the seed with the median robustness of the mean policy.
+
+    A picture that is younger than all policies of its case stays.
+    """
+    if not drawable(experiment.task):
+        return
+    for case in experiment.cases:
+        runs = {run_folder(folder, run): run for run in experiment.runs() if run.case == case}
+        done = sorted((path for path in runs if path in results), key=lambda path: results[path]["robustness_policy"])
+        picture = folder / case.name / f"{WORKSPACE}.png"
+        if done and not (picture.exists() and picture.stat().st_mtime > max(_written(path) for path in done)):
+            median = done[(len(done) - 1) // 2]
+            draw_workspace(runs[median], read_policy(median), picture)
+
+
+def _written(run: Path) -> float:
+    """When a run's policy was."""
+    return (run / POLICY).stat().st_mtime
 
 
 def run_folder(folder: Path, run: Run) -> Path:

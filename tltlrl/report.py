@@ -9,14 +9,14 @@ from typing import Any
 import pandas as pd
 from scipy.stats import binomtest
 
-from tltlrl.comparison import Comparison, compare
+from tltlrl.claims import claim_lines
 from tltlrl.config import Experiment
 from tltlrl.files import write_text
 from tltlrl.plotting import CURVES, plot_learning_curves
+from tltlrl.reasons import from_json, merge
 from tltlrl.record import PROGRESS
+from tltlrl.workspace import WORKSPACE, drawable
 
-TLTL = "tltl_episodic"
-SIGNIFICANT = 0.05
 SUMMARY, SUMMARY_PAGE, REPORT = "summary.csv", "summary.md", "report.md"
 
 
@@ -39,7 +39,7 @@ def write_report(
     summary = summarise(curves, finished)
     write_text(folder / SUMMARY, summary.to_csv(index=False, lineterminator="\n"))
     write_text(folder / SUMMARY_PAGE, summary_page(experiment, summary, failures))
-    write_text(folder / REPORT, report_page(experiment, summary, failures))
+    write_text(folder / REPORT, report_page(experiment, summary, finished, failures))
     plot_learning_curves([curves], folder / "learning_curves")
 
 
@@ -77,7 +77,7 @@ def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) 
 
 def summary_page(experiment: Experiment, summary: pd.DataFrame, failures: Mapping[str, str]) -> str:
     """summary.md: one line per case."""
-    judged = list(summary.columns[list(summary.columns).index("success_rate") + 1 :])
+    judged = _judged(summary)
     lines = [
         f"# {experiment.name}",
         "",
@@ -92,85 +92,114 @@ def summary_page(experiment: Experiment, summary: pd.DataFrame, failures: Mappin
     ]
     for case, rows in summary.groupby("case", sort=False):
         policy, first = rows["robustness_policy"], rows["first_satisfied_iteration"].dropna()
-        interval = binomtest(int(rows["successes"].sum()), int(rows["trials"].sum())).proportion_ci(method="wilson")
         lines.append(
             f"| {case} | {rows['satisfied'].sum()} of {len(rows)} "
             f"| {policy.median():.3f} ({policy.min():.3f} to {policy.max():.3f}) "
             f"| {f'{first.median():.0f}' if len(first) else 'never'} "
             f"| {rows['robustness_mean_last'].mean():.3f} "
-            f"| {rows['successes'].sum()} of {rows['trials'].sum()} ({interval.low:.3f} to {interval.high:.3f}) |"
+            f"| {_rate(rows['successes'].sum(), rows['trials'].sum())} |"
             + "".join(f" {rows[name].sum()} of {rows['trials'].sum()} |" for name in judged)
         )
     return "\n".join([*lines, *_failure_lines(failures)]) + "\n"
 
 
-def report_page(experiment: Experiment, summary: pd.DataFrame, failures: Mapping[str, str]) -> str:
-    """report.md: the summary, the figure, what the case study claims of it, and the settings."""
-    page = summary_page(experiment, summary, failures)
-    settings = "\n".join(f"- {key}: {value}" for key, value in experiment.settings.items())
-    claims = "\n".join(claim_lines(summary))
-    return f"{page}\n![Learning curves](learning_curves.png)\n{claims}\n## Settings\n\n{settings}\n"
-
-
-def claim_lines(summary: pd.DataFrame) -> list[str]:
-    """What the case study's discussion says of the cases, each with the measured answer."""
-    cases = list(summary["case"].unique())
-    others = [case for case in cases if case != TLTL]
-    lines = [""]
-    if TLTL in cases and others:
-        rate = compare(summary, TLTL, others, "robustness_mean_over_run")
-        final = compare(summary, TLTL, others, "robustness_policy")
-        lines += [
-            "## What the case study claims",
-            "",
-            f"**The TLTL reward has the best rate of convergence: {_verdict(rate)}**, by the robustness of the "
-            "samples averaged over the run.",
-            f"**It has the best final value: {_verdict(final)}**, by the robustness of the learned mean policy.",
-            "",
-            *_comparison_table([*rate, *final]),
-            "",
-        ]
-    for reward in ("continuous", "discrete"):
-        if f"{reward}_episodic" in cases and f"{reward}_step" in cases:
-            gain = compare(summary, f"{reward}_step", [f"{reward}_episodic"], "robustness_mean_over_run")
-            gain += compare(summary, f"{reward}_step", [f"{reward}_episodic"], "robustness_policy")
-            lines += [
-                f"**Step-based REPS is a gain for the {reward} reward: {_verdict(gain)}**.",
-                "",
-                *_comparison_table(gain),
-                "",
-            ]
-    if lines[1:]:
-        lines += [
-            "Difference: mean over the common seeds, m. P(A > B): share of all pairs of seeds. p: exact paired "
-            "permutation test, two-sided, with Holm's correction over the cases compared; with n seeds it cannot be "
-            "below 2^(1-n).",
-            "",
-        ]
-    return lines
-
-
-def _verdict(rows: list[Comparison]) -> str:
-    """What the measured differences say of "A is better than every B"."""
-    seeds = min(row.seeds for row in rows)
-    if not all(row.difference > 0 for row in rows):
-        return "not confirmed"
-    if all(row.p < SIGNIFICANT for row in rows):
-        return f"confirmed (n = {seeds}, p < {SIGNIFICANT:g})"
-    return (
-        f"so it was on these {seeds} seeds, too few or too much alike to tell (largest p {max(r.p for r in rows):.2f})"
-    )
-
-
-def _comparison_table(rows: list[Comparison]) -> list[str]:
-    return [
-        "| A | B | measure | n | A - B | P(A > B) | p |",
-        "|---|---|---|---|---|---|---|",
-        *(
-            f"| {c.better} | {c.other} | {c.measure} | {c.seeds} | {c.difference:+.3f} | {c.wins:.2f} | {c.p:.3f} |"
-            for c in rows
-        ),
+def report_page(
+    experiment: Experiment,
+    summary: pd.DataFrame,
+    finished: Mapping[Path, Mapping[str, Any]],
+    failures: Mapping[str, str],
+) -> str:
+    """report.md: the summary, the figures, the case study's claims, what failed and why, and the settings."""
+    lines = [
+        summary_page(experiment, summary, failures),
+        "![Learning curves](learning_curves.png)",
+        *claim_lines(summary),
+        *bottleneck_lines(finished),
+        *picture_lines(experiment, finished),
+        *trial_lines(summary, finished),
+        "",
+        "## Settings",
+        "",
+        *(f"- {key}: {value}" for key, value in experiment.settings.items()),
     ]
+    return "\n".join(lines) + "\n"
+
+
+def picture_lines(experiment: Experiment, finished: Mapping[Path, Mapping[str, Any]]) -> list[str]:
+    """The workspace pictures of the cases, for tasks that have them."""
+    cases = dict.fromkeys(path.parent.name for path in finished)
+    if not drawable(experiment.task):
+        return []
+    return [
+        "",
+        "## The learned motions",
+        "",
+        "Of each case the seed with the median robustness of the mean policy.",
+        "",
+        *(f"![{case}]({case}/{WORKSPACE}.png)" for case in cases),
+    ]
+
+
+def trial_lines(summary: pd.DataFrame, finished: Mapping[Path, Mapping[str, Any]]) -> list[str]:
+    """The trials of every run, with a 95 % Wilson interval, and why trials failed."""
+    judged = _judged(summary)
+    lines = [
+        "",
+        "## Trials of the learned policies",
+        "",
+        "| case | seed | successful trials (95 % Wilson interval) |"
+        + "".join(f" with {name.replace('_', ' ')} |" for name in judged)
+        + " why trials failed |",
+        "|---" * (4 + len(judged)) + "|",
+    ]
+    for (_, row), done in zip(summary.iterrows(), finished.values(), strict=True):
+        lines.append(
+            f"| {row['case']} | {row['seed']} | {_rate(row['successes'], row['trials'])} |"
+            + "".join(f" {row[name]} of {row['trials']} |" for name in judged)
+            + f" {_reasons(done, 'why_trials_fail')} |"
+        )
+    return [*lines, "", f"Why: {HOW_DECIDED}"]
+
+
+def bottleneck_lines(finished: Mapping[Path, Mapping[str, Any]]) -> list[str]:
+    """For every case with mean policies that violate the spec: what decides so, over its seeds."""
+    by_case: dict[str, list[Mapping[str, Any]]] = {}
+    for path, done in finished.items():
+        by_case.setdefault(path.parent.name, []).append(done)
+    lines = []
+    for case, runs in by_case.items():
+        violated = [done for done in runs if not done["satisfied"]]
+        if violated:
+            lines.append(f"- {case}, {len(violated)} of {len(runs)} seeds:")
+            known = [reason for done in violated for reason in from_json(done.get("why_policy_fails", []))]
+            lines += [f"  - {reason.count} of {len(runs)}: {reason}" for reason in merge(known)]
+            if unknown := sum("why_policy_fails" not in done for done in violated):
+                lines.append(f"  - {unknown} of {len(runs)}: not recorded, by an older version")
+    if not lines:
+        return []
+    return ["", "## What holds the failed policies back", "", *lines, "", f"Listed: {HOW_DECIDED}"]
+
+
+HOW_DECIDED = (
+    "the predicate whose margin at that step is the robustness, since min and max select; `!(...)` where the "
+    "predicate should not hold; then the named sub-formula that it stands in."
+)
+
+
+def _judged(summary: pd.DataFrame) -> list[str]:
+    """What the task judges of a trial besides the spec."""
+    return list(summary.columns[list(summary.columns).index("success_rate") + 1 :])
+
+
+def _rate(successes: Any, count: Any) -> str:
+    interval = binomtest(int(successes), int(count)).proportion_ci(method="wilson")
+    return f"{successes} of {count} ({interval.low:.3f} to {interval.high:.3f})"
+
+
+def _reasons(done: Mapping[str, Any], key: str) -> str:
+    if key not in done:
+        return "not recorded, by an older version" if done["successes"] < done["trials"] else ""
+    return "; ".join(f"{reason.count}: {reason}" for reason in from_json(done[key])).replace("|", "\\|")
 
 
 def _failure_lines(failures: Mapping[str, str]) -> list[str]:

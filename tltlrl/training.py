@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tltlrl import reasons
 from tltlrl.errors import UserError, nearest
 from tltlrl.evaluation import mean_motion, trials
 from tltlrl.files import naming, sweep, write_bytes
@@ -353,7 +354,8 @@ def resume(folder: Path, identity: str, start: Policy) -> tuple[int, Policy, int
 def finish(run: Run, task: Task, simulator: Simulator, policy: Policy, folder: Path) -> None:
     """Judges the learned policy and writes policy.npz and done.json."""
     motion = mean_motion(simulator, policy)
-    of_policy = float(run.spec.robustness(task.signals(motion.features, motion.commands), motion.lengths)[0])
+    why = run.spec.explain(task.signals(motion.features, motion.commands), motion.lengths)
+    of_policy = why[0].value
     rng = np.random.default_rng([run.seed, run.algorithm.iterations, run.trials])
     tried = try_policy(run, policy, run.trials, rng)
     write_results(
@@ -367,6 +369,8 @@ def finish(run: Run, task: Task, simulator: Simulator, policy: Policy, folder: P
             "trials": run.trials,
             "successes": int(np.sum(tried.robustness > 0)),
             "outcomes": {name: int(np.sum(values)) for name, values in tried.outcomes.items()},
+            "why_policy_fails": reasons.to_json(reasons.failed(why)),
+            "why_trials_fail": reasons.to_json(reasons.failed(run.spec.explain(tried.signals, tried.lengths))),
         },
     )
 

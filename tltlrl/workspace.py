@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -15,10 +16,16 @@ from tltlrl.plotting import FONT, LABELS, save
 from tltlrl.policy import Policy
 from tltlrl.rollout import Simulator
 from tltlrl.spec import Spec
-from tltlrl.tasks.planar_arm import PlanarArm, joint_positions
+from tltlrl.tasks.planar_arm import PlanarArm, PlanarArmConfig, joint_positions
 from tltlrl.training import Run
 
+WORKSPACE = "workspace"
 POSES = 6  # of the arm, evenly spread over the motion
+
+
+def drawable(task: Any) -> bool:
+    """Whether there is a workspace to draw for a task of this config: a plane."""
+    return isinstance(task, PlanarArmConfig)
 
 
 def draw_workspace(run: Run, policy: Policy, path: Path, count: int = 20) -> None:

@@ -1,0 +1,85 @@
+import pandas as pd
+import pytest
+
+from tltlrl.claims import CLAIMS, claim_lines
+from tltlrl.tasks import TASKS
+
+
+def summary(task="visit_in_order", successes=0, **cases):
+    """One row per case and seed, from the final robustness of each seed; the rate is half a metre lower."""
+    return pd.DataFrame(
+        {
+            "task": task, "case": case, "seed": seed, "robustness_policy": value, "satisfied": value > 0,
+            "robustness_mean_over_run": value - 0.5, "trials": 10, "successes": 10 if case == "tltl_episodic" else successes,
+        }
+        for case, values in cases.items() for seed, value in enumerate(values)
+    )  # fmt: skip
+
+
+def verdict(lines, words):
+    """The answer that follows a quote with these words."""
+    (line,) = (line for line in lines if words in line and line.startswith('"'))
+    return line.split('": ')[1]
+
+
+def test_best_in_rate_and_final_value():
+    few = claim_lines(
+        summary(tltl_episodic=[0.2, 0.3, 0.2], continuous_episodic=[0.1, 0.0, 0.1], continuous_step=[0.1, 0.1, 0.15])
+    )
+    assert verdict(few, "best learning outcome") == (
+        "**so it was on these 3 seeds, too few or too much alike to tell (largest p 0.50)**."
+    )
+    assert "| tltl_episodic | continuous_episodic | robustness_policy | 3 | +0.167 | 1.00 | 0.500 |" in few
+    many = claim_lines(summary(tltl_episodic=[0.2] * 7, continuous_episodic=[0.1] * 7))
+    assert verdict(many, "best learning outcome") == "**confirmed (n = 7, p < 0.05)**."
+    worse = claim_lines(summary(tltl_episodic=[0.2, 0.3], continuous_episodic=[0.4, 0.1]))
+    assert verdict(worse, "best learning outcome") == "**not confirmed**."
+
+
+@pytest.mark.parametrize(
+    ("step", "expected"),
+    [
+        ([-0.1, -0.1], "**no gain for the continuous reward**."),
+        ([0.04, 0.04], "**confirmed for the continuous reward**."),
+        ([0.15, 0.15], "**more than minor for the continuous reward**."),
+    ],
+)
+def test_minor_is_less_than_half_of_what_is_lacking(step, expected):
+    lines = claim_lines(summary(tltl_episodic=[0.2, 0.2], continuous_episodic=[0.0, 0.0], continuous_step=step))
+    assert verdict(lines, "minor improvement") == expected
+
+
+def test_comparable_needs_the_seeds_and_nine_tenths_of_the_value():
+    def of(continuous):
+        lines = claim_lines(summary("reach_avoid", tltl_episodic=[0.2, 0.2], continuous_episodic=continuous))
+        return verdict(lines, "comparable")
+
+    assert of([0.19, 0.18]) == "**confirmed for continuous_episodic**."
+    assert of([0.17, 0.18]) == "**not confirmed**."
+    assert of([0.9, -0.1]) == "**not confirmed**."
+
+
+def test_discrete_fails_if_no_seed_succeeds():
+    def of(*discrete):
+        return verdict(claim_lines(summary(tltl_episodic=[0.2], discrete_step=discrete)), "fails to learn a useful")
+
+    assert of(-0.1, -1.0) == "**confirmed**."
+    assert of(-0.1, 0.1) == "**not confirmed, discrete_step did on some seeds**."
+
+
+@pytest.mark.parametrize(("successes", "expected"), [(0, "**confirmed**."), (1, "**not confirmed**.")])
+def test_the_ten_trials_of_the_toast_task(successes, expected):
+    lines = claim_lines(summary("toast", successes, tltl_episodic=[0.1, 0.1], continuous_episodic=[-0.1, -0.1]))
+    assert verdict(lines, "100% success rate") == expected
+    counts = f"20 of 20 trials with TLTL, {2 * successes} of 20 with the comparison reward."
+    assert any(line.endswith(counts) for line in lines)
+
+
+def test_claims_are_made_of_their_own_tasks_only():
+    assert {task for claim in CLAIMS for task in claim.tasks} == set(TASKS)
+    for words in ("comparable", "100% success"):
+        assert not any(words in line for line in claim_lines(summary(tltl_episodic=[0.2], continuous_episodic=[0.1])))
+
+
+def test_one_case_alone_claims_nothing():
+    assert claim_lines(summary("reach_avoid", tltl_episodic=[0.2])) == []
