@@ -73,3 +73,39 @@ def test_a_scheduler_that_is_not_there_is_told(tmp_path):
     assert "engine.address: no scheduler answers at tcp://127.0.0.1:1 (" in done.stderr
     assert not (tmp_path / "runs").exists()
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(("second", "code"), [("0.6", 0), ("9", 2)])
+def test_hydras_submitit_launcher_gives_each_combination_a_process_and_its_failure_an_exit_code(tmp_path, second, code):
+    small = ("experiment=reach_avoid", "name=small", "seeds=1", "cases=[tltl_episodic]", "algorithm.iterations=2",
+             "algorithm.samples=8", "task.steps=20", "trials=2", "workers=1")  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-c", "import sys; from tltlrl.cli import run; sys.exit(run(sys.argv[1:]))", "-m",
+         "hydra/launcher=submitit_local", *small, f"algorithm.epsilon={second},0.5"],
+        cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert done.returncode == code, done.stderr
+    assert "Traceback" not in done.stderr
+    assert len(list(tmp_path.glob("runs/small,*epsilon=0.5*/summary.csv"))) == 1  # whatever the other one did
+    assert len(list(tmp_path.glob("runs/small,*/summary.csv"))) == 2 - bool(code)
+    if code:
+        assert "the jobs' logs say why" in done.stderr
+        logs = [path.read_text() for path in tmp_path.glob("runs/.submitit/*/*.err")]
+        assert any("algorithm.epsilon: 9.0 must lie between" in log for log in logs)
+
+
+def test_the_clusters_pages_commands(tmp_path):
+    """The first block of docs/clusters.md as written, in small, and the job script's as far as bash can tell."""
+    page = (Path(__file__).parent.parent / "docs/clusters.md").read_text()
+    (tmp_path / ".venv").symlink_to(sys.prefix)
+    block = page.split("```sh\n")[1].split("```")[0].replace("8786", "18786")
+    small = " ".join(SETTINGS).replace("iterations=40", "iterations=2").replace("experiment=reach_avoid ", "")
+    command = block.replace("tltl-run experiment=reach_avoid", f"tltl-run experiment=reach_avoid {small}")
+    script = f"set -e\ntrap 'kill $(jobs -p)' EXIT\n{command}"
+    done = subprocess.run(
+        ["bash", "-c", script], cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "runs/small/summary.csv").exists()
+    sbatch = page.split("```sbatch\n")[1].split("```")[0]
+    subprocess.run(["bash", "-n"], input=sbatch, text=True, check=True, timeout=10)

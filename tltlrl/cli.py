@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import re
 import sys
-from collections.abc import Callable
+import traceback
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -88,6 +90,20 @@ def main(arguments: list[str] | None = None) -> None:
     plot.add_argument("--output", type=Path, help="where to, without suffix (default EXPERIMENT/learning_curves)")
     plot.set_defaults(command=_plot)
 
+    search = commands.add_parser("search", help="the best values of a few keys of an experiment, by Optuna")
+    search.add_argument(
+        "overrides",
+        nargs="+",
+        metavar="KEY=VALUE",
+        help="as for tltl-run; searched: 'KEY=interval(0,0.4)', KEY=a,b ...",
+    )
+    search.add_argument(
+        "--trials", type=int, default=30, help="how many in all, those done before included (default 30)"
+    )
+    search.add_argument("--seed", type=int, default=0, help="of the choice of trials (default 0)")
+    search.add_argument("--config-dir", type=Path, metavar="DIR", help="look for configs of your own in DIR, too")
+    search.set_defaults(command=_search)
+
     chosen = parser.parse_args(arguments)
     sys.exit(_told("tltl", lambda: chosen.command(chosen)))
 
@@ -143,6 +159,43 @@ def _plot(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _search(arguments: argparse.Namespace) -> int:
+    from tltlrl.config import experiment_from
+    from tltlrl.search import (
+        Search,
+        best_command,
+        best_first,
+        describe,
+        failures,
+        parse_space,
+        require_optuna,
+        run_search,
+    )
+
+    os.environ.setdefault("MUJOCO_GL", "disable")
+    require_optuna()
+    with _hydra_errors_told(arguments.overrides):
+        fixed, space, distributions = parse_space(arguments.overrides)
+    if arguments.config_dir:
+        fixed.insert(0, f"hydra.searchpath=[file://{arguments.config_dir.resolve()}]")
+
+    def configure(parameters: Mapping[str, Any]) -> dict[str, Any]:
+        overrides = [*fixed, *(f"{key}={value}" for key, value in parameters.items())]
+        with _hydra_errors_told(overrides):
+            return compose([_addable(override) for override in overrides])
+
+    search = Search(experiment_from(configure({})), tuple(fixed), space, distributions, configure, arguments.seed)
+    table = run_search(search, arguments.trials, ["tltl", *sys.argv[1:]])
+    ranked, failed = best_first(table), failures(table)
+    if failed:
+        print(f"{len(failed)} of {len(table)} trials failed; {search.folder}/summary.md says why")
+    if ranked:
+        found = describe({key: ranked[0][key] for key in space})
+        print(f"best: trial {ranked[0]['number']}, {found}: robustness {ranked[0]['objective']:+.4f}")
+        print(f"at the experiment's own budget and seeds: {best_command(search, ranked[0])}")
+    return 1 if failed else 0
+
+
 def _addable(argument: str) -> str:
     """Hydra wants ++ before a key that the config does not have yet, as any constant of a spec."""
     return f"++{argument}" if argument.startswith("constants.") else argument
@@ -171,17 +224,53 @@ def _repeat(arguments: list[str]) -> int:
     return 0 if run_experiment(experiment, ["tltl-run", *arguments]) else 1
 
 
+def _module_of(error: Exception) -> str:
+    """Where it was raised."""
+    *_, (frame, _) = traceback.walk_tb(error.__traceback__)
+    return str(frame.f_globals["__name__"])
+
+
+class _FailedElsewhere(Exception):
+    """An experiment of -m did not succeed in a process of hydra/launcher=...; its message was printed there."""
+
+    def __init__(self, code: int) -> None:
+        super().__init__(code)
+        self.code = code
+
+
 def _hydra_run(arguments: list[str]) -> int:
     import hydra
-    from hydra.errors import ConfigCompositionException, HydraException, OverrideParseException
 
     codes: list[int] = []
+    here = os.getpid()
 
     def job(config: Any) -> None:  # Ctrl-C is not told here: it ends every job of a multirun
-        codes.append(_mistakes_told("tltl-run", lambda: _run(config, arguments)))
+        code = _mistakes_told("tltl-run", lambda: _run(config, arguments))
+        codes.append(code)
+        if code and os.getpid() != here:  # a launcher's process, whose `codes` is a copy
+            raise _FailedElsewhere(code)
 
     try:
-        hydra.main(version_base="1.3", config_path=str(CONFIGS), config_name="config")(job)()
+        with _hydra_errors_told(arguments):
+            hydra.main(version_base="1.3", config_path=str(CONFIGS), config_name="config")(job)()
+    except _FailedElsewhere as error:  # Hydra has printed the overrides of that experiment
+        print("tltl-run: it failed in its job, and others may have; the jobs' logs say why", file=sys.stderr)
+        return error.code
+    except Exception as error:
+        if not _module_of(error).startswith("submitit."):
+            raise
+        print(f"tltl-run: hydra/launcher reports: {error}", file=sys.stderr)
+        return 1
+    return max(codes, default=0)
+
+
+@contextlib.contextmanager
+def _hydra_errors_told(arguments: list[str]) -> Iterator[None]:
+    """What Hydra finds wrong with the arguments, in the words of these commands."""
+    from hydra.errors import ConfigCompositionException, HydraException, OverrideParseException
+
+    try:
+        yield
     except OverrideParseException as error:
         raise UserError(
             f"{error.override}: not readable as key=value; a list is written [1,2,3], text with special characters "
@@ -191,7 +280,6 @@ def _hydra_run(arguments: list[str]) -> int:
         raise UserError(_explain_composition(error, arguments)) from error
     except HydraException as error:
         raise UserError(str(error).splitlines()[0]) from error
-    return max(codes, default=0)
 
 
 def _run(config: Any, arguments: list[str]) -> int:
