@@ -3,7 +3,7 @@
 For every finished run of the given result folders, of its noise-free mean policy in the training scene and of the
 noisy trials that summary.csv counts (the same draws, in the evaluation scene): finite differences, from one 20 Hz
 sample to the next, of the joint velocities (acceleration) and of the joints' commanded speeds (the gripper's command
-is left out); and the robustness by each folder's spec. The policy that learning starts from is measured beside them.
+is left out); and the robustness by the spec of each folder. The policy that learning starts from is measured beside them.
 
     python -m benchmarks.smoothness runs/toast runs/toast_smooth --output smoothness.csv
 """
@@ -62,7 +62,17 @@ def _rms(values: Array) -> float:
 
 
 def measure(run: Run, policy: Policy, specs: Mapping[str, Spec]) -> dict[str, float]:
-    """What one policy does: columns `mean_*` of its noise-free motion, `trial_*` of its noisy trials."""
+    """What one policy does.
+
+    Args:
+      run: the policy's own.
+      policy: learned or at the start.
+      specs: by the name that their columns get.
+
+    Returns:
+      Columns `mean_*` of its noise-free motion and `trial_*` of its noisy trials; `mean_<spec>`, the robustness of the
+      former; `trials_*`, the number of trials that satisfied each spec and had each of the task's own outcomes.
+    """
     task = run.make_task()
     motion = mean_motion(Simulator(task), policy)
     signals = task.signals(motion.features, motion.commands)
@@ -79,7 +89,7 @@ def measure(run: Run, policy: Policy, specs: Mapping[str, Spec]) -> dict[str, fl
 def table(folders: Sequence[Path]) -> pd.DataFrame:
     """One row per run, and one per folder and case for the policy that its runs start from (seed -1)."""
     opened = [(path, *open_run(path)) for folder in folders for path in finished(folder)]
-    specs = {Path(run.spec.path or "spec").stem: run.spec for _, run, _ in opened}
+    specs = {path.parents[1].name: run.spec for path, run, _ in opened}
     rows, started = [], set()
     for path, run, policy in opened:
         labels = {"folder": path.parents[1].name, "case": run.case.name}
