@@ -3,7 +3,7 @@
 For every finished run of the given result folders, of its noise-free mean policy in the training scene and of the
 noisy trials that summary.csv counts (the same draws, in the evaluation scene): finite differences, from one 20 Hz
 sample to the next, of the joint velocities (acceleration) and of the joints' commanded speeds (the gripper's command
-is left out); and the robustness by the spec of each folder. The policy that learning starts from is measured beside them.
+is left out); and the robustness by the spec of each folder. The policy at the start is measured beside them.
 
     python -m benchmarks.smoothness runs/toast runs/toast_smooth --output smoothness.csv
 """
