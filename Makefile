@@ -55,7 +55,7 @@ kill: $(READY)
 
 ## make grid-search: coefficients of the hand-made rewards on seeds of their own, into docs/grid_search_*.csv
 grid-search: $(READY)
-	$(BIN)/python -m benchmarks.grid_search reach_avoid visit_in_order
+	$(BIN)/python -m benchmarks.grid_search reach_avoid visit_in_order toast
 
 ## make clean: remove the environment and the caches; results in runs/ stay
 clean:

@@ -107,7 +107,7 @@ def train(
         drawn = np.concatenate(offsets)
         motion = simulator.rollout(start.gain, drawn, np.concatenate(noise))
         signals = task.signals(motion.features, motion.commands)
-        robustness = spec.robustness(signals).reshape(len(learners), samples + 1)
+        robustness = spec.robustness(signals, motion.lengths).reshape(len(learners), samples + 1)
         of_samples[i], of_policy[i] = robustness[:, :-1].mean(axis=1), robustness[:, -1]
         for j, (learner, policy) in enumerate(zip(learners, policies, strict=True)):
             rows = slice(j * (samples + 1), j * (samples + 1) + samples)
@@ -116,7 +116,8 @@ def train(
             policies[j] = Policy(start.gain, mean, covariance, start.correlation)
     means = np.stack([policy.mean for policy in policies])
     motion = simulator.rollout(start.gain, means, np.zeros_like(means))
-    return Curves(of_samples, of_policy, spec.robustness(task.signals(motion.features, motion.commands)))
+    final = spec.robustness(task.signals(motion.features, motion.commands), motion.lengths)
+    return Curves(of_samples, of_policy, final)
 
 
 def _weights(learner: Learner, signals: dict[str, Array], robustness: Array, steps: int) -> Array:

@@ -143,8 +143,8 @@ class ToastReward:
     """
 
     c1: float = 1.0
-    c2: float = 0.1
-    c3: float = 0.01
+    c2: float = 0.3
+    c3: float = 0.0001
     reached: float = 0.03
 
 
