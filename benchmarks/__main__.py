@@ -2,11 +2,11 @@
 
 import os
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+if __name__ == "__main__":  # and not in the worker processes, which import this file, too
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from benchmarks import scale, simulation, spec
+    from benchmarks import scale, simulation, spec
 
-if __name__ == "__main__":
     print(f"{'measured':>10}  {'target':<10}  what")
     for part in (simulation, scale, spec):
         for name, measured, target, bound in part.rows():

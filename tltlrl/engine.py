@@ -152,7 +152,13 @@ def _local_cluster(workers: int) -> Any:
         resource_tracker.ensure_running()  # starting it unblocks the signal, so that comes first
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
-            cluster = LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None, processes=True)
+            cluster = LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                processes=True,
+                # Dask serves its state by HTTP in any case: to this machine alone, and on a port that is free.
+                scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
+            )
         except Exception as error:
             started.set_exception(error)
         else:
