@@ -19,6 +19,7 @@ import itertools
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -98,7 +99,8 @@ def _train(
 
 
 def _with(run: Run, point: Coefficients) -> Run:
-    return dataclasses.replace(run, reward=dataclasses.replace(run.reward, **point))
+    alone: dict[str, Any] = {"step": {}} if hasattr(run.reward, "step") else {}  # the point for step-based REPS, too
+    return dataclasses.replace(run, reward=dataclasses.replace(run.reward, **point, **alone))
 
 
 def ranking(results: pd.DataFrame, keys: Sequence[str]) -> pd.DataFrame:

@@ -10,7 +10,8 @@ def summary(task="visit_in_order", successes=0, **cases):
     return pd.DataFrame(
         {
             "task": task, "case": case, "seed": seed, "robustness_policy": value, "satisfied": value > 0,
-            "robustness_mean_over_run": value - 0.5, "trials": 10, "successes": 10 if case == "tltl_episodic" else successes,
+            "robustness_mean_over_run": value - 0.5, "trials": 10,
+            "successes": 10 if case == "tltl_episodic" else successes,
         }
         for case, values in cases.items() for seed, value in enumerate(values)
     )  # fmt: skip

@@ -47,7 +47,9 @@ def test_folders_of_an_older_version_say_that_reasons_are_not_recorded():
 def test_the_trials_of_every_run_with_their_interval_and_reasons():
     runs = finished(("a", 0, [], []), ("a", 1, [], [INSIDE, LATE]))
     lines = trial_lines(summary(runs, bread_in_slot=3), runs)
-    assert "| case | seed | successful trials (95 % Wilson interval) | with bread in slot | why trials failed |" in lines
+    assert (
+        "| case | seed | successful trials (95 % Wilson interval) | with bread in slot | why trials failed |" in lines
+    )
     assert "| a | 0 | 4 of 4 (0.510 to 1.000) | 3 of 4 |  |" in lines
     assert (
         "| a | 1 | 1 of 4 (0.046 to 0.699) | 3 of 4 | 2: `d > 0.5 \\| e` in safe, at steps 10 to 12 (0.50 to 0.60 s), "

@@ -326,6 +326,9 @@ MISTAKES = {
     ("experiment=visit_in_order", "reward=reach_avoid"): (
         "tltl-run: reward.wrong_order: missing from the config; is reward the one of this experiment?"
     ),
+    ("experiment=reach_avoid", "+reward.step.c9=1"): (
+        "tltl-run: reward.step.c9: no such key; did you mean c2?"
+    ),
     ("experiment=reach_avoid", "engine.address=nonsense"): (
         "tltl-run: engine.address: no scheduler answers at nonsense (it must be tcp://HOST:PORT or tls://HOST:PORT); "
         "start one with `dask scheduler`, or leave it out"

@@ -27,6 +27,16 @@ def cases():
     return runs()
 
 
+def test_step_based_reps_has_coefficients_of_its_own():
+    changed = runs("reward.c2=0.3", "reward.step.c2=0.1", "cases=[continuous_episodic,continuous_step]")
+    ee = {"ee": np.zeros((1, 1, 2))}
+    for case, c2 in (("continuous_episodic", 0.3), ("continuous_step", 0.1)):
+        run = changed[case]
+        obstacles = run.spec.constants["obstacle"].values()
+        expected = -np.linalg.norm(run.spec.constants["goal"]) + c2 * sum(np.linalg.norm(o) for o in obstacles)
+        np.testing.assert_allclose(run.make_task().rewards["continuous"](ee), [[expected]])
+
+
 def by_hand(run, iteration=0):
     """The sampled trajectories of the first policy's iteration, rebuilt from the definition."""
     task = run.make_task()
@@ -148,7 +158,7 @@ def test_done_counts_the_successful_trials(cases, tmp_path):
 @pytest.mark.parametrize("rule", ["damped", "published"])
 def test_reach_avoid_is_learned_in_short(rule, tmp_path):
     """From far below zero to near the goal within few iterations; the full budget is make reproduce-figures'."""
-    run = runs("task.steps=200", "algorithm.iterations=12", "algorithm.samples=20", f"algorithm.covariance={rule}",
+    run = runs("task.steps=200", "algorithm.iterations=18", "algorithm.samples=20", f"algorithm.covariance={rule}",
                "algorithm.epsilon=1.0")["tltl_episodic"]  # fmt: skip
     train(run, tmp_path, lambda _: None)
     rows = (tmp_path / "progress.csv").read_text().splitlines()

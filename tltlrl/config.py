@@ -133,6 +133,7 @@ def experiment_from(config: Mapping[str, Any]) -> Experiment:
         settings={key: value for key, value in config.items() if key not in MACHINERY_DEFAULTS},
     )
     _check_algorithm(experiment.algorithm)
+    _check_step(experiment.reward)
     for case in experiment.cases:  # builds each kind of task once: wrong geometry or missing constants show here
         task = experiment.runs()[experiment.cases.index(case) * len(experiment.seeds)].make_task()
         _check_signals(experiment.spec, task)
@@ -167,6 +168,8 @@ def dataclass_from(kind: type[Settings], values: Mapping[str, Any], where: str) 
 
 
 def _numbers(value: Any) -> list[float]:
+    if isinstance(value, dict):
+        return _numbers(list(value.values()))
     if isinstance(value, list):
         return [number for part in value for number in _numbers(part)]
     return [value] if isinstance(value, float) else []
@@ -220,6 +223,14 @@ def _check_algorithm(a: AlgorithmConfig) -> None:
         raise UserError(f"algorithm.feedback: {a.feedback} cannot be simulated; it lies between -1e6 and 1e6")
     if a.correlation < 0:
         raise UserError(f"algorithm.correlation: {a.correlation} must be 0 or a width in steps")
+
+
+def _check_step(reward: Any) -> None:
+    """Whether what step-based REPS has of its own are coefficients of the reward."""
+    names = [field.name for field in dataclasses.fields(reward) if field.name != "step"]
+    for name in getattr(reward, "step", {}):
+        if name not in names:
+            raise UserError(f"reward.step.{name}: no such key{nearest(name, names)}")
 
 
 def _check_signals(spec: Spec, task: Task) -> None:

@@ -161,7 +161,10 @@ class Run:
     def make_task(self) -> Task:
         """The task; its hand-made rewards only where they are trained on, since they ask more of the spec."""
         entry = task_entry(self.task.name)
-        hand_made = {} if self.case.reward == "tltl" else entry.rewards(self.reward, self.spec.constants)
+        reward = self.reward
+        if self.case.algorithm == "step":
+            reward = dataclasses.replace(reward, **reward.step)
+        hand_made = {} if self.case.reward == "tltl" else entry.rewards(reward, self.spec.constants)
         return entry.make(self.task, hand_made)
 
     def make_evaluation_task(self) -> Task:

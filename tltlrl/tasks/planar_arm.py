@@ -73,12 +73,14 @@ class ReachAvoidReward:
       obstacle: discrete reward of a sample inside an obstacle.
       c1: price of a metre from the goal.
       c2: gain of a metre from each obstacle.
+      step: what step-based REPS has instead of the above, name => value.
     """
 
     goal: float
     obstacle: float
     c1: float
     c2: float
+    step: dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -92,6 +94,7 @@ class VisitInOrderReward:
       c1: price of a metre from the goal that is next.
       c2: gain of a metre from each of the other goals.
       c3: gain of a metre from each obstacle.
+      step: what step-based REPS has instead of the above, name => value.
     """
 
     goal: float
@@ -100,6 +103,7 @@ class VisitInOrderReward:
     c1: float
     c2: float
     c3: float
+    step: dict[str, float]
 
 
 class Physics(mujoco.Physics):  # type: ignore[misc]  # dm_control has no types
