@@ -60,6 +60,14 @@ def test_comparable_needs_the_seeds_and_nine_tenths_of_the_value():
     assert of([0.9, -0.1]) == "**not confirmed**."
 
 
+def test_a_considerable_margin_leaves_no_seed_between():
+    def of(tltl, other):
+        return verdict(claim_lines(summary(tltl_episodic=tltl, discrete_step=other)), "considerable margin")
+
+    assert of([0.2, 0.1], [0.05, -1.0]) == "**confirmed**."
+    assert of([0.2, 0.1], [0.15, -1.0]) == "**not confirmed**."
+
+
 def test_discrete_fails_if_no_seed_succeeds():
     def of(*discrete):
         return verdict(claim_lines(summary(tltl_episodic=[0.2], discrete_step=discrete)), "fails to learn a useful")

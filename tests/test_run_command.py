@@ -66,6 +66,7 @@ def test_the_folder_of_a_finished_experiment(undisturbed):
     }
     assert (undisturbed / "specs" / "reach_avoid.tltl").exists()
     for case in CASES:
+        assert {p.name for p in (undisturbed / case).iterdir() if p.is_file()} == {"workspace.png", "workspace.pdf"}
         for seed in (0, 1):
             run_folder = undisturbed / case / f"seed_{seed}"
             assert {p.name for p in run_folder.iterdir()} == {"progress.csv", "timing.csv", "policy.npz", "done.json"}

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch, Rectangle
 
-from tltlrl.evaluation import mean_motion, trials
+from tltlrl.evaluation import mean_motion
 from tltlrl.plotting import FONT, LABELS, save
 from tltlrl.policy import Policy
 from tltlrl.rollout import Simulator
@@ -45,8 +45,6 @@ def draw_workspace(run: Run, policy: Policy, path: Path, count: int = 20) -> Non
     motion = mean_motion(simulator, policy)
     signals = task.signals(motion.features, motion.commands)
     robustness = run.spec.robustness(signals)[0]
-    tried = trials(simulator, policy, run.trials, rng)
-    satisfied = np.sum(run.spec.robustness(task.signals(tried.features, tried.commands)) > 0)
 
     with mpl.rc_context(FONT):
         figure = Figure(figsize=(4.8, 4.2), layout="constrained")
@@ -66,8 +64,9 @@ def draw_workspace(run: Run, policy: Policy, path: Path, count: int = 20) -> Non
         axes.set_ylabel("y (m)")
         axes.set_title(f"{task.name}: {LABELS.get(run.case.name, run.case.name)}, seed {run.seed}")
         figure.supxlabel(
-            f"Robustness of the mean motion {robustness:+.3f} m; {satisfied} of {run.trials} noisy trials satisfy the "
-            f"spec.\nBlack: mean path of the end-effector (dot: start, square: end); grey: {count} sampled paths.\n"
+            f"Robustness of the mean motion {robustness:+.3f} m. Black: mean path of the end-effector (dot: start,\n"
+            f"square: end); grey: {count} paths sampled from the learned policy (seeds {run.seed}, "
+            f"{run.algorithm.iterations}).\n"
             f"Blue: {POSES} poses of the arm, later ones darker. Plain: regions by name; hatched: to be kept out of.",
             fontsize=6.5,
         )
