@@ -1,5 +1,6 @@
 """tltl-run as its users meet it: a whole small experiment, and every mistake told."""
 
+import contextlib
 import csv
 import json
 import os
@@ -137,10 +138,22 @@ def test_two_workers_write_the_same_bytes(undisturbed, tmp_path):
 
 def test_the_same_command_again_does_nothing_and_says_so(undisturbed):
     before = contents(undisturbed)
+    pictures = {path: path.stat().st_mtime_ns for path in undisturbed.glob("*/workspace.*")}
     code, _, errors = run(undisturbed.parents[1], *SMALL, "workers=1")
     assert code == 0
     assert "10 of 10 runs were done before and are kept" in errors
     assert contents(undisturbed) == before
+    assert len(pictures) == 10
+    assert pictures == {path: path.stat().st_mtime_ns for path in pictures}
+
+
+def test_a_picture_that_is_missing_is_drawn_again(undisturbed):
+    picture = undisturbed / "tltl_episodic/workspace.pdf"
+    before = picture.read_bytes()
+    picture.unlink()
+    code, _, errors = run(undisturbed.parents[1], *SMALL, "workers=1")
+    assert code == 0, errors
+    assert picture.read_bytes() == before
 
 
 def started(folder, *arguments):
@@ -158,9 +171,18 @@ def started(folder, *arguments):
 
 def wait_until(condition, seconds=60):
     deadline = time.monotonic() + seconds
-    while not condition() and time.monotonic() < deadline:
+    while not condition():  # once is enough: what it saw may be gone the next moment
+        assert time.monotonic() < deadline
         time.sleep(0.01)
-    assert condition()
+
+
+def workers_of(process):
+    """Whether a process has started workers; it has other children too, that ask git for the commit."""
+    found = False
+    for child in psutil.Process(process.pid).children():
+        with contextlib.suppress(psutil.Error):  # already gone
+            found |= "multiprocessing" in " ".join(child.cmdline())
+    return found
 
 
 def stop(process, kill, said):
@@ -194,7 +216,7 @@ def test_stopped_in_the_middle_the_same_command_ends_with_the_same_bytes(undistu
 @pytest.mark.parametrize("kill", [signal.SIGKILL, signal.SIGINT])
 def test_stopped_while_its_workers_start_it_ends_with_them(tmp_path, kill):
     process = started(tmp_path, *SMALL, "workers=2")
-    wait_until(lambda: psutil.Process(process.pid).children())
+    wait_until(lambda: workers_of(process))
     stop(process, kill, tmp_path / "said.txt")
 
 
@@ -221,7 +243,7 @@ def test_overwrite_starts_again(tmp_path):
     assert code == 0
     code, _, errors = run(tmp_path, *SMALL, "seeds=[1]", "cases=[tltl_episodic]", "workers=1", "overwrite=true")
     assert code == 0, errors
-    assert [p.name for p in (tmp_path / "runs" / "small" / "tltl_episodic").iterdir()] == ["seed_1"]
+    assert [p.name for p in (tmp_path / "runs" / "small" / "tltl_episodic").glob("seed_*")] == ["seed_1"]
 
 
 @pytest.mark.parametrize("workers", [1, 2])

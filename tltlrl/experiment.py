@@ -17,6 +17,7 @@ from tltlrl.engine import check_scheduler, run_all
 from tltlrl.errors import UserError
 from tltlrl.files import sweep, write_json, write_text
 from tltlrl.manifest import end_session, manifest, read_manifest, sha256, start_session
+from tltlrl.plotting import FORMATS
 from tltlrl.policy import Policy
 from tltlrl.progress import Progress
 from tltlrl.record import DONE, POLICY, DamagedError, read_checkpoint, read_policy, read_results
@@ -106,22 +107,22 @@ def finished(folder: Path, experiment: Experiment) -> dict[Path, dict[str, Any]]
 def draw_cases(folder: Path, experiment: Experiment, results: Mapping[Path, Mapping[str, Any]]) -> None:
     """The workspace of every case, if the task has one: the seed with the median robustness of the mean policy.
 
-    A picture that is younger than all policies of its case stays.
+    Pictures that are younger than all policies of their case stay.
     """
     if not drawable(experiment.task):
         return
     for case in experiment.cases:
         runs = {run_folder(folder, run): run for run in experiment.runs() if run.case == case}
         done = sorted((path for path in runs if path in results), key=lambda path: results[path]["robustness_policy"])
-        picture = folder / case.name / f"{WORKSPACE}.png"
-        if done and not (picture.exists() and picture.stat().st_mtime > max(_written(path) for path in done)):
+        pictures = [folder / case.name / f"{WORKSPACE}{suffix}" for suffix in FORMATS]
+        if done and min(map(_written, pictures)) <= max(_written(path / POLICY) for path in done):
             median = done[(len(done) - 1) // 2]
-            draw_workspace(runs[median], read_policy(median), picture)
+            draw_workspace(runs[median], read_policy(median), folder / case.name / WORKSPACE)
 
 
-def _written(run: Path) -> float:
-    """When a run's policy was."""
-    return (run / POLICY).stat().st_mtime
+def _written(path: Path) -> float:
+    """When a file was; 0 if there is none."""
+    return path.stat().st_mtime if path.exists() else 0.0
 
 
 def run_folder(folder: Path, run: Run) -> Path:

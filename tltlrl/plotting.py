@@ -34,6 +34,7 @@ LABELS = {
     "continuous_step": "continuous, step-based",
 }
 FONT: dict[Any, Any] = {"font.size": 9, "axes.titlesize": 9, "legend.fontsize": 8, "pdf.fonttype": 42}
+FORMATS = {".png": {"Software": None}, ".pdf": {"CreationDate": None}}  # without what differs between two savings
 RESAMPLES = 2000
 BATCH = 4_000_000  # numbers at a time; the band is the same for any
 CURVES = "learning_curves.csv"
@@ -117,9 +118,9 @@ def plot_learning_curves(experiments: list[pd.DataFrame], path: Path) -> None:
 
 def save(figure: Figure, path: Path) -> None:
     """path.png and path.pdf, the same bytes for the same figure; a suffix of these that `path` has is not doubled."""
-    stem = path.with_suffix("") if path.suffix in (".png", ".pdf") else path
+    stem = path.with_suffix("") if path.suffix in FORMATS else path
     stem.parent.mkdir(parents=True, exist_ok=True)
-    for suffix, metadata in ((".png", {"Software": None}), (".pdf", {"CreationDate": None})):
+    for suffix, metadata in FORMATS.items():
         buffer = io.BytesIO()
         figure.savefig(buffer, format=suffix[1:], dpi=200, metadata=metadata)
         write_bytes(stem.with_name(stem.name + suffix), buffer.getvalue())
