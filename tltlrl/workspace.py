@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from pathlib import Path
 from typing import Any
 
@@ -51,15 +52,15 @@ def draw_workspace(run: Run, policy: Policy, path: Path, count: int = 20) -> Non
         axes = figure.add_subplot()
         _draw_regions(axes, run.spec)
         for ee in task.signals(sampled.features, sampled.commands)["ee"]:
-            axes.plot(*ee.T, color="0.6", linewidth=0.4, zorder=2)
+            axes.plot(*ee.T, color="0.6", linewidth=0.3, zorder=2)
         ee = signals["ee"][0]
-        axes.plot(*ee.T, color="black", linewidth=1.4, zorder=4)
-        axes.plot(*ee[0], "o", color="black", markersize=4, zorder=5)
-        axes.plot(*ee[-1], "s", color="black", markersize=4, zorder=5)
+        axes.plot(*ee.T, color="black", linewidth=0.8, zorder=4)
+        axes.plot(*ee[0], "o", color="black", markersize=5, zorder=6)
+        axes.plot(*ee[-1], "s", color="black", markeredgecolor="white", markersize=6, zorder=6)
         for i in np.linspace(0, task.steps - 1, POSES).astype(int):
             joints = joint_positions(motion.features[0, i, :3], np.array(task.config.link_lengths))
             axes.plot(*joints.T, "-o", color="#0072B2", alpha=0.15 + 0.6 * i / task.steps, markersize=2, zorder=3)
-        axes.set_aspect("equal")
+        axes.set_aspect("equal", adjustable="datalim")  # every picture fills the same frame
         axes.set_xlabel("x (m)")
         axes.set_ylabel("y (m)")
         axes.set_title(f"{task.name}: {LABELS.get(run.case.name, run.case.name)}, seed {run.seed}")
@@ -89,8 +90,11 @@ def _draw_regions(axes: Axes, spec: Spec) -> None:
             shape = Rectangle((left, bottom), right - left, top - bottom)
         shape.set(facecolor="0.9", edgecolor="0.3", linewidth=0.8, hatch=None if region.inside else "////", zorder=1)
         axes.add_patch(shape)
+        outline = copy(shape)  # above the paths, which may cover all of a small region
+        outline.set(fill=False, hatch=None, zorder=5)
+        axes.add_patch(outline)
         if region.inside:
             axes.annotate(
                 region.name or "", (x, y), xytext=(0, -14), textcoords="offset points", ha="center", va="top",
-                fontsize=7, zorder=6,
+                fontsize=7, zorder=7, bbox={"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none"},
             )  # fmt: skip
