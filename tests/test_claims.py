@@ -35,18 +35,23 @@ def test_best_in_rate_and_final_value():
     assert verdict(many, "best learning outcome") == "**confirmed (n = 7, p < 0.05)**."
     worse = claim_lines(summary(tltl_episodic=[0.2, 0.3], continuous_episodic=[0.4, 0.1]))
     assert verdict(worse, "best learning outcome") == "**not confirmed**."
+    (row,) = (line for line in claim_lines(summary(tltl_episodic=[0.2] * 12, continuous_episodic=[0.1] * 12))
+              if "| robustness_policy |" in line and "continuous_episodic" in line)  # fmt: skip
+    assert row.endswith("| < 0.001 |")
 
 
 @pytest.mark.parametrize(
     ("step", "expected"),
     [
         ([-0.1, -0.1], "**no gain for the continuous reward**."),
-        ([0.04, 0.04], "**confirmed for the continuous reward**."),
+        ([0.04, 0.04], "**confirmed for the continuous reward, though not to be told from none (p 0.50)**."),
+        ([0.04] * 7, "**confirmed for the continuous reward**."),
         ([0.15, 0.15], "**more than minor for the continuous reward**."),
     ],
 )
 def test_minor_is_less_than_half_of_what_is_lacking(step, expected):
-    lines = claim_lines(summary(tltl_episodic=[0.2, 0.2], continuous_episodic=[0.0, 0.0], continuous_step=step))
+    n = len(step)
+    lines = claim_lines(summary(tltl_episodic=[0.2] * n, continuous_episodic=[0.0] * n, continuous_step=step))
     assert verdict(lines, "minor improvement") == expected
 
 

@@ -10,6 +10,7 @@ import pytest
 from benchmarks import covariance, grid_search, smoothness
 from benchmarks.lockstep import Kinematic, Learner, train
 from tltlrl import cli
+from tltlrl.claims import claim_lines
 from tltlrl.config import experiment_from
 from tltlrl.reps import fit
 from tltlrl.rollout import Simulator
@@ -144,3 +145,14 @@ def test_every_rule_can_be_named_on_the_command_line():
         setting = covariance.parse_setting(text)
         assert callable(setting.fit())
     assert dataclasses.asdict(covariance.parse_setting("damped:0.3,epsilon=0.5"))["epsilon"] == 0.5
+
+
+def test_pages_show_the_tables_of_their_csv_files():
+    docs = covariance.RESULTS.parent
+    rows = pd.read_csv(covariance.RESULTS)
+    page = (docs / "covariance.md").read_text()
+    for line in (covariance.overview(rows[rows["physics"] == "kinematic"]) + covariance.table(rows)).splitlines():
+        assert line in page, line
+    results = (docs / "results.md").read_text()
+    for task, summary in pd.read_csv(docs / "results.csv").groupby("task"):
+        assert "\n".join(claim_lines(summary)).replace("## ", "### ").strip() in results, task

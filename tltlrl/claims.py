@@ -82,7 +82,8 @@ def step_minor(summary: pd.DataFrame) -> Answer | None:
         if row.difference <= 0:
             verdicts.append(f"no gain for the {reward} reward")
         elif row.difference < MINOR * lacking:
-            verdicts.append(f"confirmed for the {reward} reward")
+            told = "" if row.p < SIGNIFICANT else f", though not to be told from none (p {row.p:.2f})"
+            verdicts.append(f"confirmed for the {reward} reward{told}")
         else:
             verdicts.append(f"more than minor for the {reward} reward")
         spread = [summary.loc[summary["case"] == case, RATE].std() for case in (episodic, step)]
@@ -245,6 +246,10 @@ def _superior(rows: list[Comparison]) -> str:
     )
 
 
+def _probability(p: float) -> str:
+    return f"{p:.3f}" if p >= 0.001 else "< 0.001"
+
+
 def _table(rows: list[Comparison]) -> list[str]:
     if not rows:
         return []
@@ -252,7 +257,8 @@ def _table(rows: list[Comparison]) -> list[str]:
         "| A | B | measure | n | A - B | P(A > B) | p |",
         "|---|---|---|---|---|---|---|",
         *(
-            f"| {c.better} | {c.other} | {c.measure} | {c.seeds} | {c.difference:+.3f} | {c.wins:.2f} | {c.p:.3f} |"
+            f"| {c.better} | {c.other} | {c.measure} | {c.seeds} | {c.difference:+.3f} | {c.wins:.2f} "
+            f"| {_probability(c.p)} |"
             for c in rows
         ),
         "",
