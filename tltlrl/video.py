@@ -7,7 +7,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, ImageDraw, ImageFont
 
 from tltlrl.errors import UserError
 from tltlrl.evaluation import mean_motion
@@ -20,13 +20,15 @@ from tltlrl.training import Run
 Frame = NDArray[np.uint8]
 
 HEIGHT, WIDTH = 360, 480  # pixels
-STRIP_FRAMES = 6
-REGION_COLOUR = np.array([0.3, 0.5, 0.9, 0.25], dtype=np.float32)
+STRIP_ROWS, STRIP_COLUMNS = 2, 3
+INSIDE_COLOUR = np.array([0.3, 0.5, 0.9, 0.18], dtype=np.float32)
+OUTSIDE_COLOUR = np.array([0.9, 0.4, 0.2, 0.25], dtype=np.float32)  # of what `distance(...) > radius` keeps out of
+CLEARANCE = 0.004  # m, around a region, whose faces would else coincide with those of the body it stands for
 DISC_HEIGHT = 0.01  # m, of a region in the plane
 
 
 def render_motion(run: Run, policy: Policy, path: Path) -> None:
-    """Writes path.gif, the motion of the noise-free mean policy at its own speed, and path.png, frames of it.
+    """Writes path.gif, the motion of the noise-free mean policy at its own speed, and path.png, six frames of it.
 
     Args:
       run: what was learned.
@@ -41,8 +43,21 @@ def render_motion(run: Run, policy: Policy, path: Path) -> None:
     pictures[0].save(
         path.with_suffix(".gif"), save_all=True, append_images=pictures[1:], duration=1000 * CONTROL_TIMESTEP, loop=0
     )
-    chosen = np.linspace(0, len(frames) - 1, STRIP_FRAMES).round().astype(int)
-    Image.fromarray(np.concatenate([frames[i] for i in chosen], axis=1)).save(path.with_suffix(".png"))
+    film_strip(frames).save(path.with_suffix(".png"))
+
+
+def film_strip(frames: list[Frame]) -> Image.Image:
+    """Six frames, evenly spread over the motion, in reading order, each with its time."""
+    strip = Image.new("RGB", (STRIP_COLUMNS * WIDTH, STRIP_ROWS * HEIGHT))
+    draw = ImageDraw.Draw(strip)
+    font = ImageFont.load_default(size=HEIGHT // 15)
+    chosen = np.linspace(0, len(frames) - 1, STRIP_ROWS * STRIP_COLUMNS).round().astype(int)
+    for place, i in enumerate(chosen):
+        row, column = divmod(place, STRIP_COLUMNS)
+        corner = (column * WIDTH, row * HEIGHT)
+        strip.paste(Image.fromarray(frames[i]), corner)
+        draw.text((corner[0] + 10, corner[1] + 8), f"{i * CONTROL_TIMESTEP:.2f} s", fill="black", font=font)
+    return strip
 
 
 def motion_frames(run: Run, policy: Policy) -> list[Frame]:
@@ -79,7 +94,12 @@ def _frame(physics: object, camera: str, spec: Spec) -> Frame:
                     shape, size = mujoco.mjtGeom.mjGEOM_CYLINDER, np.array([size[0], size[0], DISC_HEIGHT])
             scene.ngeom += 1
             mujoco.mjv_initGeom(
-                scene.geoms[scene.ngeom - 1], shape, size, centre.astype(float), np.eye(3).ravel(), REGION_COLOUR
+                scene.geoms[scene.ngeom - 1],
+                shape,
+                size + CLEARANCE,
+                centre.astype(float),
+                np.eye(3).ravel(),
+                INSIDE_COLOUR if region.inside else OUTSIDE_COLOUR,
             )
 
     try:
