@@ -16,7 +16,7 @@ from tltlrl.rollout import Simulator
 from tltlrl.spec import load_spec
 from tltlrl.tasks import TASKS, make_default
 from tltlrl.tasks.task import environment
-from tltlrl.training import initial_policy
+from tltlrl.training import case_names, initial_policy, iterate
 
 SPEC_NAMES = sorted(path.stem for path in SPECS.glob("*.tltl"))
 
@@ -83,6 +83,16 @@ def test_rewards_are_finite_and_each_value_depends_on_the_past_alone(task, batch
         half = task.steps // 2
         np.testing.assert_array_equal(reward({k: v[:, :half] for k, v in signals.items()}), values[:, :half])
         np.testing.assert_array_equal(reward({k: v[2:3] for k, v in signals.items()})[0], values[2])
+
+
+def test_every_case_takes_an_iteration(task):
+    cases = case_names(list(TASKS[task.name].hand_made))
+    for run in experiment_from(compose([f"experiment={task.name}", f"cases=[{','.join(cases)}]", "seeds=1"])).runs():
+        made = run.make_task()
+        policy = initial_policy(made, run.algorithm)
+        result = iterate(run, made, Simulator(made), policy, 0)
+        assert np.isfinite(list(result.record.values())).all(), run.case
+        assert not np.array_equal(result.policy.mean, policy.mean), run.case
 
 
 def test_the_first_policy_commands_the_reference_along_the_reference(task):

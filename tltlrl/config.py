@@ -228,7 +228,7 @@ def _check_algorithm(a: AlgorithmConfig) -> None:
 def _check_step(reward: Any) -> None:
     """Whether what step-based REPS has of its own are coefficients of the reward."""
     names = [field.name for field in dataclasses.fields(reward) if field.name != "step"]
-    for name in getattr(reward, "step", {}):
+    for name in reward.step:
         if name not in names:
             raise UserError(f"reward.step.{name}: no such key{nearest(name, names)}")
 

@@ -14,10 +14,11 @@ from tltlrl.errors import UserError
 from tltlrl.resources import spec_path
 from tltlrl.rollout import Simulator
 from tltlrl.spec import load_spec
-from tltlrl.tasks import toast
+from tltlrl.tasks import default_settings, toast
 from tltlrl.tasks.task import environment
 
 CONSTANTS = {"slot_centre": (0.70, -0.35, 0.05), "toaster_centre": (0.70, -0.35, -0.105)}
+TOAST, REWARD = default_settings("toast")
 HALF_PI = np.pi / 2
 INTO_SLOT = [  # waypoints of a motion that comes down where the slot is
     [0.6596, -0.3849, -0.7403, 1.4209, 0.9226, 0.9014, -1.1426],
@@ -50,8 +51,8 @@ MASSES = {
 
 
 def make_task(**changes: object) -> toast.Toast:
-    config = replace(toast.ToastConfig(command_noise=0.0), **changes)
-    return toast.Toast(config, toast.toast_rewards(toast.ToastReward(), CONSTANTS), random=0)
+    config = replace(TOAST, **{"command_noise": 0.0} | changes)
+    return toast.Toast(config, toast.toast_rewards(REWARD, CONSTANTS), random=0)
 
 
 @pytest.fixture(scope="module")
@@ -274,7 +275,7 @@ def test_reached_before_remembers() -> None:
 
 
 def test_comparison_reward_is_equation_3_9() -> None:
-    reward = toast.toast_rewards(toast.ToastReward(c1=2.0, c2=0.5, c3=0.1), CONSTANTS)["continuous"]
+    reward = toast.toast_rewards(replace(REWARD, c1=2.0, c2=0.5, c3=0.1), CONSTANTS)["continuous"]
     slot, toaster = np.array(CONSTANTS["slot_centre"]), np.array(CONSTANTS["toaster_centre"])
     above = slot + np.array([0, 0, 0.1])
     ee = np.array([above, slot, above])
@@ -316,7 +317,7 @@ def test_training_scene_collides_with_nothing(physics: toast.Physics) -> None:
 def test_bread_rests_in_the_slot_if_released_there(
     waypoints: list[list[float]] | None, opening_step: int, placed: bool
 ) -> None:
-    waypoints = waypoints or toast.ToastConfig().waypoints
+    waypoints = waypoints or TOAST.waypoints
     task = make_task(solid=True, waypoints=waypoints, opening_step=opening_step, steps=90)
     features, commands = task.reference()
     gain = -8 * task.feedback
@@ -355,7 +356,7 @@ def test_wrong_waypoints_are_told() -> None:
     with pytest.raises(UserError, match="joint angles"):
         make_task(waypoints=[[0.0] * 6] * 3)
     with pytest.raises(UserError, match="slot_centre"):
-        toast.toast_rewards(toast.ToastReward(), {})
+        toast.toast_rewards(REWARD, {})
 
 
 @pytest.mark.parametrize("opening_step", [52, 58, 1000])

@@ -35,7 +35,7 @@ from __future__ import annotations
 
 import collections
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import reduce
 from importlib.resources import files
 from typing import Any
@@ -95,12 +95,10 @@ RESTING_SPEED = 0.01  # m/s, of the slice, at most
 
 @dataclass(frozen=True)
 class ToastConfig:
-    """The episode, and the rough hand-made motion that learning starts from.
+    """The episode, and the rough hand-made motion that learning starts from; the defaults are in configs/task.
 
     The reference motion is a polyline in joint space through `waypoints` at `waypoint_steps`, the last of them held,
-    with the gripper opening at `opening_step`. Waypoints are s0, s1, e0, e1, w0, w1, w2 in rad. The default starts
-    beside the toaster at (0.60, -0.62, -0.10), rises above it and comes down slowly, but 3 cm beside the centre of the
-    slot, and the gripper opens 0.4 s too early.
+    with the gripper opening at `opening_step`. Waypoints are s0, s1, e0, e1, w0, w1, w2 in rad.
 
     Attributes:
       name: the task's name in results.
@@ -115,37 +113,33 @@ class ToastConfig:
         Otherwise nothing collides, as in training.
     """
 
-    name: str = "toast"
-    steps: int = 100
-    waypoints: list[list[float]] = field(
-        default_factory=lambda: [
-            [0.6596, -0.3849, -0.7403, 1.4209, 0.9226, 0.9014, -1.1426],
-            [1.2158, -0.8042, -1.0417, 1.3851, 0.6594, 1.3581, -0.6208],
-            [1.1548, -0.6221, -0.9009, 1.4833, 0.7952, 1.1021, -0.6967],
-        ]
-    )
-    waypoint_steps: list[int] = field(default_factory=lambda: [0, 40, 60])
-    opening_step: int = 52
-    grip: float = 20.0
-    command_noise: float = 0.005
-    solid: bool = False
+    name: str
+    steps: int
+    waypoints: list[list[float]]
+    waypoint_steps: list[int]
+    opening_step: int
+    grip: float
+    command_noise: float
+    solid: bool
 
 
 @dataclass(frozen=True)
 class ToastReward:
-    """Coefficients of eq. 3.9.
+    """Coefficients of eq. 3.9; the defaults are in configs/reward.
 
     Attributes:
       c1: price of a metre from the centre of the slot.
       c2: gain of a metre from the centre of the toaster.
       c3: price of one per cent of gripper position away from closed, before the slot was reached, or from open, after.
       reached: distance from the centre of the slot that counts as having reached it, m.
+      step: what step-based REPS has instead of the above, name => value.
     """
 
-    c1: float = 1.0
-    c2: float = 0.3
-    c3: float = 0.0001
-    reached: float = 0.03
+    c1: float
+    c2: float
+    c3: float
+    reached: float
+    step: dict[str, float]
 
 
 class Physics(mujoco.Physics):  # type: ignore[misc]  # dm_control has no types
