@@ -35,15 +35,6 @@ def test_what_holds_failed_policies_back_is_counted_over_the_seeds():
     assert bottleneck_lines(finished(("b", 0, [], []))) == []
 
 
-def test_folders_of_an_older_version_say_that_reasons_are_not_recorded():
-    runs = finished(("a", 0, [LATE], [INSIDE]))
-    for done in runs.values():
-        del done["why_policy_fails"], done["why_trials_fail"]
-    assert "  - 1 of 1: not recorded, by an older version" in bottleneck_lines(runs)
-    (row,) = (line for line in trial_lines(summary(runs), runs) if line.startswith("| a | 0 |"))
-    assert row.endswith("| not recorded, by an older version |")
-
-
 def test_the_trials_of_every_run_with_their_interval_and_reasons():
     runs = finished(("a", 0, [], []), ("a", 1, [], [INSIDE, LATE]))
     lines = trial_lines(summary(runs, bread_in_slot=3), runs)

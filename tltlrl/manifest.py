@@ -8,7 +8,6 @@ import importlib.metadata
 import json
 import os
 import platform
-import re
 import subprocess
 from collections.abc import Mapping
 from pathlib import Path
@@ -97,13 +96,9 @@ def sha256(text: str) -> str:
 
 
 def _versions() -> dict[str, str]:
-    """tltlrl and everything it depends on directly."""
-    try:
-        required = importlib.metadata.requires("tltlrl") or []
-    except importlib.metadata.PackageNotFoundError:
-        return {}
-    names = [re.split(r"[^\w.-]", line)[0] for line in required if "extra ==" not in line]
-    return {name: importlib.metadata.version(name) for name in ["tltlrl", *names]}
+    """Everything installed beside tltlrl: what it depends on depends on more, and any of it can move a result."""
+    installed = {d.name: d.version for d in importlib.metadata.distributions()}
+    return dict(sorted(installed.items(), key=lambda item: item[0].lower()))
 
 
 def _git() -> dict[str, Any] | None:

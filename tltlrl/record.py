@@ -86,11 +86,8 @@ def read_results(folder: Path, identity: str) -> dict[str, Any] | None:
         raise DamagedError(f"{DONE} cannot be read ({error})") from error
     try:
         results: dict[str, Any] = json.loads(text)
-        seals = results.pop(SEAL, None)
+        seals = results.pop(SEAL)
         found = _seals(folder, identity, results)
-        if seals is None:  # written before there were seals: the rows can at least be counted
-            whole = len((folder / PROGRESS).read_bytes().splitlines()) == results["iterations"] + 1
-            seals = found if whole else found | {PROGRESS: None}
         wrong = [name for name, value in found.items() if seals[name] != value]
     except FileNotFoundError as error:
         raise DamagedError(f"{Path(error.filename).name} is missing") from error

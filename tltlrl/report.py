@@ -156,7 +156,7 @@ def trial_lines(summary: pd.DataFrame, finished: Mapping[Path, Mapping[str, Any]
         lines.append(
             f"| {row['case']} | {row['seed']} | {_rate(row['successes'], row['trials'])} |"
             + "".join(f" {row[name]} of {row['trials']} |" for name in judged)
-            + f" {_reasons(done, 'why_trials_fail')} |"
+            + f" {_why(done)} |"
         )
     return [*lines, "", f"Why: {HOW_DECIDED}"]
 
@@ -171,10 +171,8 @@ def bottleneck_lines(finished: Mapping[Path, Mapping[str, Any]]) -> list[str]:
         violated = [done for done in runs if not done["satisfied"]]
         if violated:
             lines.append(f"- {case}, {len(violated)} of {len(runs)} seeds:")
-            known = [reason for done in violated for reason in from_json(done.get("why_policy_fails", []))]
-            lines += [f"  - {reason.count} of {len(runs)}: {reason}" for reason in merge(known)]
-            if unknown := sum("why_policy_fails" not in done for done in violated):
-                lines.append(f"  - {unknown} of {len(runs)}: not recorded, by an older version")
+            reasons = merge(reason for done in violated for reason in from_json(done["why_policy_fails"]))
+            lines += [f"  - {reason.count} of {len(runs)}: {reason}" for reason in reasons]
     if not lines:
         return []
     return ["", "## What holds the failed policies back", "", *lines, "", f"Listed: {HOW_DECIDED}"]
@@ -196,10 +194,9 @@ def _rate(successes: Any, count: Any) -> str:
     return f"{successes} of {count} ({interval.low:.3f} to {interval.high:.3f})"
 
 
-def _reasons(done: Mapping[str, Any], key: str) -> str:
-    if key not in done:
-        return "not recorded, by an older version" if done["successes"] < done["trials"] else ""
-    return "; ".join(f"{reason.count}: {reason}" for reason in from_json(done[key])).replace("|", "\\|")
+def _why(done: Mapping[str, Any]) -> str:
+    """Why trials of a run failed, in one cell of a table."""
+    return "; ".join(f"{r.count}: {r}" for r in from_json(done["why_trials_fail"])).replace("|", "\\|")
 
 
 def _failure_lines(failures: Mapping[str, str]) -> list[str]:
