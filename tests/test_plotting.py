@@ -88,3 +88,15 @@ def test_every_case_of_every_panel_is_in_the_legend(tmp_path, monkeypatch):
     plot_learning_curves([curves(cases=["tltl_episodic"]), curves()], tmp_path / "a")
     (legend,) = figures[0].legends
     assert [text.get_text() for text in legend.get_texts()] == list(LABELS.values())
+
+
+@pytest.mark.parametrize(("worst", "limits"), [(-0.5, []), (-0.7, [(-0.6, 0.23)])])
+def test_a_second_panel_shows_what_is_near_zero_where_the_worst_curves_hide_it(tmp_path, monkeypatch, worst, limits):
+    figures = []
+    monkeypatch.setattr("tltlrl.plotting.save", lambda figure, _: figures.append(figure))
+    frame = curves(cases=["tltl_episodic", "discrete_step"])
+    frame["robustness_mean"] = np.where(frame["case"] == "discrete_step", worst, 0.2)
+    plot_learning_curves([frame], tmp_path / "a")
+    shown = [axes.get_ylim() for axes in figures[0].axes[1:]]
+    assert len(shown) == len(limits)
+    np.testing.assert_allclose(shown, limits)

@@ -37,6 +37,7 @@ FONT: dict[Any, Any] = {"font.size": 9, "axes.titlesize": 9, "legend.fontsize": 
 FORMATS = {".png": {"Software": None}, ".pdf": {"CreationDate": None}}  # without what differs between two savings
 RESAMPLES = 2000
 BATCH = 4_000_000  # numbers at a time; the band is the same for any
+DETAIL = 3.0  # where curves reach further below 0 than this many times the best, a second row shows what is near 0
 CURVES = "learning_curves.csv"
 
 
@@ -80,19 +81,28 @@ def _mistake(curves: pd.DataFrame, text: str) -> str | None:
 def plot_learning_curves(experiments: list[pd.DataFrame], path: Path) -> None:
     """Robustness against iterations, one line per case and one panel per experiment, as path.png and path.pdf.
 
+    Where the worst curves leave the satisfied ones no room, a second row of panels shows these again.
+
     Args:
       experiments: their learning_curves.csv.
       path: without suffix.
     """
     with mpl.rc_context(FONT):
-        figure = Figure(figsize=(0.5 + 5.0 * len(experiments), 4.4), layout="constrained")
+        details = [_detail(curves) for curves in experiments]
+        rows, columns = 1 + any(details), len(experiments)
+        figure = Figure(figsize=(0.5 + 5.0 * columns, 1.4 + 2.7 * rows), layout="constrained")
         notes = []
-        for column, curves in enumerate(experiments):
-            axes = figure.add_subplot(1, len(experiments), column + 1)
+        for column, (curves, detail) in enumerate(zip(experiments, details, strict=True), start=1):
+            axes = figure.add_subplot(rows, columns, column)
             draw_learning_curves(axes, curves)
             seeds, samples = curves["seed"].nunique(), curves["episodes"].min()
             axes.set_title(str(curves["task"].iloc[0]))
             notes.append(f"n = {seeds} seeds, {samples} sample trajectories per iteration")
+            if detail:
+                axes = figure.add_subplot(rows, columns, columns + column)
+                draw_learning_curves(axes, curves)
+                axes.set_ylim(detail)
+                axes.set_title("the same, near 0")
         lines = {
             label: line for axes in figure.axes for line, label in zip(*axes.get_legend_handles_labels(), strict=True)
         }
@@ -114,6 +124,12 @@ def plot_learning_curves(experiments: list[pd.DataFrame], path: Path) -> None:
             fontsize=7,
         )
         save(figure, path)
+
+
+def _detail(curves: pd.DataFrame) -> tuple[float, float] | None:
+    """Limits of the panel near 0, if the curves need one."""
+    best, worst = curves["robustness_mean"].max(), curves["robustness_mean"].min()
+    return (-DETAIL * best, 1.15 * best) if 0 < DETAIL * best < -worst else None
 
 
 def save(figure: Figure, path: Path) -> None:
