@@ -49,6 +49,14 @@ def test_compare_uses_common_seeds():
     summary = pd.DataFrame(
         {"case": ["a"] * 5 + ["b"] * 4, "seed": [0, 1, 2, 3, 4, 0, 1, 2, 3], "score": [5, 6, 7, 8, 99, 1, 2, 3, 5]}
     )
-    (row,) = compare(summary, "a", ["b"], "score")
+    (row,) = compare(summary, [("a", "b")], "score")
     assert (row.seeds, row.difference, row.wins) == (4, 3.75, 31 / 32)
     assert row.p == pytest.approx(1 / 8)
+
+
+def test_pairs_asked_together_are_one_family():
+    summary = pd.DataFrame(
+        {"case": case, "seed": seed, "score": seed + bonus} for case, bonus in {"a": 2.0, "b": 1.0, "c": 0.0}.items()
+        for seed in range(4)
+    )  # fmt: skip
+    assert [row.p for row in compare(summary, [("a", "b"), ("b", "c")], "score")] == pytest.approx([1 / 4, 1 / 4])

@@ -2,8 +2,10 @@ from pathlib import Path
 
 import pandas as pd
 
+from tltlrl.cli import compose
+from tltlrl.config import experiment_from
 from tltlrl.reasons import Reason, to_json
-from tltlrl.report import bottleneck_lines, trial_lines
+from tltlrl.report import bottleneck_lines, summary_page, trial_lines
 
 LATE = Reason("`d < 0.2` in at_goal", 1, 199, 199, -0.5, -0.5)
 LATER = Reason("`d < 0.2` in at_goal", 1, 150, 150, -0.25, -0.25)
@@ -46,6 +48,22 @@ def test_the_trials_of_every_run_with_their_interval_and_reasons():
         "| a | 1 | 1 of 4 (0.046 to 0.699) | 3 of 4 | 2: `d > 0.5 \\| e` in safe, at steps 10 to 12 (0.50 to 0.60 s), "
         "robustness -0.100 to -0.050; 1: `d < 0.2` in at_goal, at step 199 (9.95 s), robustness -0.500 |"
     ) in lines
+
+
+def test_the_first_satisfied_iteration_is_a_median_over_all_seeds():
+    """A seed that never was satisfied counts as later than any other."""
+    rows = [("a", 10), ("a", 20), ("a", None), ("b", 10), ("b", None), ("b", None)]
+    table = pd.DataFrame(
+        {
+            "case": case, "seed": seed, "robustness_policy": 0.5, "satisfied": True, "robustness_mean_last": 0.25,
+            "first_satisfied_iteration": first, "trials": 10, "successes": 7, "success_rate": 0.7,
+        }
+        for seed, (case, first) in enumerate(rows)
+    )  # fmt: skip
+    experiment = experiment_from(compose(["experiment=reach_avoid"]))
+    lines = summary_page(experiment, table, {}).splitlines()
+    assert "| a | 3 of 3 | 0.500 (0.500 to 0.500) | 20 | 0.250 | 21 of 30 |" in lines
+    assert "| b | 3 of 3 | 0.500 (0.500 to 0.500) | never | 0.250 | 21 of 30 |" in lines
 
 
 def summary(runs, **judged):

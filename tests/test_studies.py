@@ -12,6 +12,7 @@ from benchmarks.lockstep import Kinematic, Learner, train
 from tltlrl import cli
 from tltlrl.claims import claim_lines
 from tltlrl.config import experiment_from
+from tltlrl.report import summary_page
 from tltlrl.reps import fit
 from tltlrl.rollout import Simulator
 from tltlrl.training import initial_policy, iterate
@@ -91,11 +92,14 @@ def test_grid_search_gives_one_row_per_point_and_seed():
 
 
 def test_grid_search_of_the_toast_task_is_in_mujoco_and_episode_based(tmp_path):
-    grid_search.main(["toast", "--iterations", "1", "--seeds", "100", "--output", str(tmp_path)])
+    grid_search.main(["toast", "--iterations", "1", "--seeds", "100", "--finalists", "1", "--output", str(tmp_path)])
     results = pd.read_csv(tmp_path / "grid_search_toast.csv")
     assert set(results["physics"]) == {"mujoco"}
     assert set(results["case"]) == {"continuous_episodic"}
-    assert len(results[["c2", "c3"]].drop_duplicates()) == len(results) == 20
+    first, again = results[results["seed"] == 100], results[results["seed"] != 100]
+    assert len(first[["c2", "c3"]].drop_duplicates()) == len(first) == 30
+    assert set(again["seed"]) == set(grid_search.MORE_SEEDS)
+    assert len(again[["c2", "c3"]].drop_duplicates()) == 1
 
 
 def test_movement_is_measured_up_to_each_trajectorys_end():
@@ -156,3 +160,6 @@ def test_pages_show_the_tables_of_their_csv_files():
     results = (docs / "results.md").read_text()
     for task, summary in pd.read_csv(docs / "results.csv").groupby("task"):
         assert "\n".join(claim_lines(summary)).replace("## ", "### ").strip() in results, task
+        experiment = experiment_from(cli.compose([f"experiment={task}"]))
+        for line in summary_page(experiment, summary, {}).splitlines():
+            assert not line.startswith("|") or line in results, line

@@ -1,4 +1,4 @@
-"""Is one case better than another? Paired over common seeds, exact, and corrected for asking several times."""
+"""Is one case better than another? Paired over common seeds, and corrected for asking several times."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Comparison:
       seeds: n.
       difference: mean over the seeds of better - other, in the measure's unit.
       wins: P(better > other), the share of seed pairs (any seed against any) in which it is, ties counting half.
-      p: exact paired permutation test of the mean difference, two-sided, Holm-corrected over the family.
+      p: paired permutation test of the mean difference, two-sided, Holm-corrected over the family; see `paired_p`.
     """
 
     better: str
@@ -37,31 +37,20 @@ class Comparison:
     p: float
 
 
-def compare(summary: pd.DataFrame, better: str, others: list[str], measure: str) -> list[Comparison]:
-    """One case against each of the others, as one family for Holm's correction.
+def compare(summary: pd.DataFrame, pairs: list[tuple[str, str]], measure: str) -> list[Comparison]:
+    """Each pair of cases, (better?, other), as one family for Holm's correction.
 
     Args:
       summary: summary.csv; one row per case and seed.
-      better: the case that is asked about.
-      others: what it is compared with.
+      pairs: names of cases; it is asked whether the first is better than the second.
       measure: column of `summary`.
     """
     table = summary.pivot(index="seed", columns="case", values=measure)
-    pairs = [table[[better, other]].dropna() for other in others]
-    p = holm(
-        [paired_p(pair[better].to_numpy(), pair[other].to_numpy()) for pair, other in zip(pairs, others, strict=True)]
-    )
+    scores = [table[[better, other]].dropna().to_numpy().T for better, other in pairs]
+    corrected = holm([paired_p(a, b) for a, b in scores])
     return [
-        Comparison(
-            better,
-            other,
-            measure,
-            len(pair),
-            float((pair[better] - pair[other]).mean()),
-            probability_of_superiority(pair[better].to_numpy(), pair[other].to_numpy()),
-            p_value,
-        )
-        for pair, other, p_value in zip(pairs, others, p, strict=True)
+        Comparison(better, other, measure, len(a), float(np.mean(a - b)), probability_of_superiority(a, b), p)
+        for (better, other), (a, b), p in zip(pairs, scores, corrected, strict=True)
     ]
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from scipy.stats import binomtest
 
@@ -86,18 +87,19 @@ def summary_page(experiment: Experiment, summary: pd.DataFrame, failures: Mappin
         "Robustness is that of the spec for every case, whatever it was trained on; above 0 the spec is satisfied.",
         "",
         "| case | satisfied | robustness of the mean policy, median (min to max) | first satisfied iteration, median "
-        "| robustness of samples, last iteration | successful trials (95 % Wilson interval) |"
+        "| robustness of samples, last iteration | successful trials |"
         + "".join(f" trials with {name.replace('_', ' ')} |" for name in judged),
         "|---|---|---|---|---|---|" + "---|" * len(judged),
     ]
     for case, rows in summary.groupby("case", sort=False):
-        policy, first = rows["robustness_policy"], rows["first_satisfied_iteration"].dropna()
+        policy = rows["robustness_policy"]
+        first = rows["first_satisfied_iteration"].astype(float).fillna(np.inf).median()  # over all seeds
         lines.append(
             f"| {case} | {rows['satisfied'].sum()} of {len(rows)} "
             f"| {policy.median():.3f} ({policy.min():.3f} to {policy.max():.3f}) "
-            f"| {f'{first.median():.0f}' if len(first) else 'never'} "
+            f"| {f'{first:.0f}' if np.isfinite(first) else 'never'} "
             f"| {rows['robustness_mean_last'].mean():.3f} "
-            f"| {_rate(rows['successes'].sum(), rows['trials'].sum())} |"
+            f"| {rows['successes'].sum()} of {rows['trials'].sum()} |"
             + "".join(f" {rows[name].sum()} of {rows['trials'].sum()} |" for name in judged)
         )
     return "\n".join([*lines, *_failure_lines(failures)]) + "\n"
