@@ -113,7 +113,7 @@ RULES: dict[str, Callable[..., Fit]] = {
 
 @dataclass(frozen=True)
 class Setting:
-    """A rule with its parameter, and the rest of the learner; defaults are those of the first version of tltlrl."""
+    """A rule with its parameter, and the rest of the learner; what is not named has the value given here."""
 
     rule: str
     parameter: float | None = None

@@ -3,9 +3,9 @@
 Only ratios matter, since returns are normalised: the first coefficient stays fixed. Episode-based and step-based REPS
 are searched apart, on seeds that no reported experiment uses. Every point of the grid is trained at the full budget:
 of the planar tasks in the kinematic model of their arm (see benchmarks.lockstep), then the best ones of the continuous
-reward again in MuJoCo; of the toast task in MuJoCo at once. Of the discrete reward it is only asked whether its
-relative sizes matter. A point is judged by the spec's robustness of the final mean policy, averaged over the seeds. The
-full table goes to docs/grid_search_<task>.csv.
+reward again in MuJoCo; of the toast task in MuJoCo at once, then the best ones again with more seeds. Of the discrete
+reward it is only asked whether its relative sizes matter. A point is judged by the spec's robustness of the final mean
+policy, averaged over the seeds. The full table goes to docs/grid_search_<task>.csv.
 
     python -m benchmarks.grid_search reach_avoid visit_in_order toast
 """
@@ -32,7 +32,8 @@ from tltlrl.training import Run, initial_policy
 
 DOCS = Path(__file__).parent.parent / "docs"
 SEEDS = (100, 101, 102, 103)
-FINALISTS = 2
+MORE_SEEDS = tuple(range(104, 116))  # of the finalists of a task whose points differ less than its seeds
+FINALISTS = {"reach_avoid": 2, "visit_in_order": 2, "toast": 4}
 BATCH = 8  # runs simulated at once: more fall out of the cache
 Coefficients = dict[str, float]
 
@@ -42,7 +43,7 @@ GRIDS: dict[tuple[str, str], dict[str, Sequence[float]]] = {
     ("reach_avoid", "discrete"): {"obstacle": (-0.5, -2.0, -20.0)},
     ("visit_in_order", "continuous"): {"c2": (0.0, 0.05, 0.1, 0.2, 0.4), "c3": (0.0, 0.05, 0.1, 0.2)},
     ("visit_in_order", "discrete"): {"obstacle": (-0.2, -2.0), "wrong_order": (-1.0, -5.0)},
-    ("toast", "continuous"): {"c2": (0.0, 0.02, 0.1, 0.3, 0.5), "c3": (0.0001, 0.001, 0.01, 0.1)},
+    ("toast", "continuous"): {"c2": (0.0, 0.1, 0.3, 0.5, 0.7), "c3": (0.0001, 0.001, 0.003, 0.01, 0.03, 0.1)},
 }
 EPISODE_BASED_ONLY = {"toast"}  # as in the case study
 WITHOUT_KINEMATIC_MODEL = {"toast"}
@@ -99,8 +100,9 @@ def _train(
 
 
 def _with(run: Run, point: Coefficients) -> Run:
-    alone: dict[str, Any] = {"step": {}} if hasattr(run.reward, "step") else {}  # the point for step-based REPS, too
-    return dataclasses.replace(run, reward=dataclasses.replace(run.reward, **point, **alone))
+    """The run with these coefficients, for step-based REPS, too."""
+    changed: dict[str, Any] = point | {"step": {}}
+    return dataclasses.replace(run, reward=dataclasses.replace(run.reward, **changed))
 
 
 def ranking(results: pd.DataFrame, keys: Sequence[str]) -> pd.DataFrame:
@@ -115,7 +117,7 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("tasks", nargs="+", choices=sorted({task for task, _ in GRIDS}))
     parser.add_argument("--rewards", nargs="+", default=["continuous", "discrete"])
     parser.add_argument("--iterations", type=int, help="fewer than the experiment's, for a trial")
-    parser.add_argument("--finalists", type=int, default=FINALISTS, help="points trained again in MuJoCo")
+    parser.add_argument("--finalists", type=int, help="points trained again")
     parser.add_argument("--seeds", nargs="+", type=int, default=SEEDS)
     parser.add_argument("--output", type=Path, default=DOCS)
     a = parser.parse_args(arguments)
@@ -129,12 +131,12 @@ def main(arguments: list[str]) -> None:
             tables.append(search(task, case, grid, a.seeds, kinematic, a.iterations))
             best = ranking(tables[-1], keys)
             print(f"\n{task} {case}, {'kinematic' if kinematic else 'MuJoCo'}\n{best}", flush=True)
-            if kinematic and reward == "continuous" and a.finalists:
-                finalists = [
-                    dict(zip(keys, point, strict=True)) for point in best.index.to_frame().head(a.finalists).values
-                ]
-                tables.append(search(task, case, finalists, a.seeds, False, a.iterations))
-                print(f"\n{task} {case}, MuJoCo\n{ranking(tables[-1], keys)}", flush=True)
+            count = FINALISTS[task] if a.finalists is None else a.finalists
+            if reward == "continuous" and count:
+                finalists = [dict(zip(keys, point, strict=True)) for point in best.index.to_frame().head(count).values]
+                seeds = a.seeds if kinematic else MORE_SEEDS
+                tables.append(search(task, case, finalists, seeds, False, a.iterations))
+                print(f"\n{task} {case}, MuJoCo, seeds {seeds}\n{ranking(tables[-1], keys)}", flush=True)
             a.output.mkdir(exist_ok=True)
             pd.concat(tables).to_csv(a.output / f"grid_search_{task}.csv", index=False)
 

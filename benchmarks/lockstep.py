@@ -2,7 +2,7 @@
 
 For studies of the learner itself. A run here draws the same noise, with the same seeds, as one of `tltl-run`; only
 the update is free. The physics is either the task's own (MuJoCo) or a kinematic model of the planar arm, in which the
-servos are perfect: 20 times faster, for screening.
+servos are perfect: ten times faster, for screening.
 """
 
 from __future__ import annotations

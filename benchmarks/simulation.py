@@ -18,7 +18,7 @@ from tltlrl.engine import run_all
 from tltlrl.policy import Policy
 from tltlrl.reps import episode_based
 from tltlrl.rollout import Simulator
-from tltlrl.tasks.task import environment
+from tltlrl.tasks.task import CONTROL_TIMESTEP, environment
 from tltlrl.training import Run, initial_policy, iterate
 
 Row = tuple[str, float, float | None, str]  # what, measured, target if any, ">=" or "<="
@@ -52,7 +52,7 @@ def closed_loop(count: int = 30) -> list[Row]:
     rng = np.random.default_rng(0)
     offsets, noise = policy.sample(count, rng), simulator.draw_command_noise(count, rng)
     physics = task.make_physics()
-    substeps = round(0.05 / physics.timestep())
+    substeps = round(CONTROL_TIMESTEP / physics.timestep())
     model, data = physics.model.ptr, physics.data.ptr
 
     def batch() -> None:
@@ -92,6 +92,8 @@ def iteration(name: str) -> Row:
 
 def update() -> Row:
     """Sampling and one update on the 60-dimensional quadratic, 30 samples."""
+    default = make_run("reach_avoid").algorithm
+    settings = (default.epsilon, default.covariance, default.kept)
     rng = np.random.default_rng(0)
     optimum = rng.standard_normal((20, 3))
     policy = Policy(np.zeros((3, 1)), np.zeros((20, 3)), np.tile(np.eye(3), (20, 1, 1)))
@@ -100,7 +102,7 @@ def update() -> Row:
         start = time.perf_counter()
         offsets = policy.sample(30, rng)
         returns = -np.sum((offsets - optimum) ** 2, axis=(1, 2))
-        result = episode_based(offsets, returns, policy.mean, policy.covariance, 1.0, "damped", 0.5)
+        result = episode_based(offsets, returns, policy.mean, policy.covariance, *settings)
         policy = Policy(policy.gain, result.mean, result.covariance)
         times.append(time.perf_counter() - start)
     return "REPS, 60 dimensions, 30 samples: ms per update", 1e3 * statistics.median(times), 0.5, "<="

@@ -117,7 +117,7 @@ def plot_learning_curves(experiments: list[pd.DataFrame], path: Path) -> None:
             "\n".join(
                 [
                     "; ".join(dict.fromkeys(notes)) + ".",
-                    "Thick: mean of the seeds; band: 95 % bootstrap interval of the mean; thin: each seed.",
+                    "Thick: mean of the seeds; band: 95 % percentile bootstrap interval of the mean; thin: each seed.",
                     "Robustness of the spec, of the sampled trajectories, whatever the case was trained on.",
                 ]
             ),

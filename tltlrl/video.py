@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import mujoco
@@ -47,11 +48,13 @@ def render_motion(run: Run, policy: Policy, path: Path) -> None:
 
 
 def film_strip(frames: list[Frame]) -> Image.Image:
-    """Six frames, evenly spread over the motion, in reading order, each with its time."""
+    """Six frames in reading order, each with its time, evenly spread over how much the picture changes."""
     strip = Image.new("RGB", (STRIP_COLUMNS * WIDTH, STRIP_ROWS * HEIGHT))
     draw = ImageDraw.Draw(strip)
     font = ImageFont.load_default(size=HEIGHT // 15)
-    chosen = np.linspace(0, len(frames) - 1, STRIP_ROWS * STRIP_COLUMNS).round().astype(int)
+    changes = [np.abs(np.subtract(a, b, dtype=float)).mean() for a, b in itertools.pairwise(frames)]
+    seen = np.concatenate([[0.0], np.cumsum(changes)])
+    chosen = np.searchsorted(seen, np.linspace(0, seen[-1], STRIP_ROWS * STRIP_COLUMNS))
     for place, i in enumerate(chosen):
         row, column = divmod(place, STRIP_COLUMNS)
         corner = (column * WIDTH, row * HEIGHT)

@@ -66,9 +66,9 @@ def draw_workspace(run: Run, policy: Policy, path: Path, count: int = 20) -> Non
         axes.set_title(f"{task.name}: {LABELS.get(run.case.name, run.case.name)}, seed {run.seed}")
         figure.supxlabel(
             f"Robustness of the mean motion {robustness:+.3f} m. Black: mean path of the end-effector (dot: start,\n"
-            f"square: end); grey: {count} paths sampled from the learned policy (seeds {run.seed}, "
-            f"{run.algorithm.iterations}).\n"
-            f"Blue: {POSES} poses of the arm, later ones darker. Plain: regions by name; hatched: to be kept out of.",
+            f"square: end); grey: {count} paths sampled from the learned policy "
+            f"(seed [{run.seed}, {run.algorithm.iterations}]).\n"
+            f"Blue: {POSES} poses of the arm, later ones darker. Plain: to be in; hatched: to be kept out of.",
             fontsize=6.5,
         )
         save(figure, path)
@@ -96,5 +96,5 @@ def _draw_regions(axes: Axes, spec: Spec) -> None:
         if region.inside:
             axes.annotate(
                 region.name or "", (x, y), xytext=(0, -14), textcoords="offset points", ha="center", va="top",
-                fontsize=7, zorder=7, bbox={"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none"},
+                fontsize=7, zorder=5.5, bbox={"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none"},
             )  # fmt: skip

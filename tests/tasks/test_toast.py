@@ -37,16 +37,48 @@ PUBLISHED = {
     "w1": ((0.01, 0, 0.2707), (-HALF_PI, -HALF_PI, 0), (-1.57079632679, 2.094), 4.0, 15),
     "w2": ((0.115975, 0, 0), (HALF_PI, 0, HALF_PI), (-3.059, 3.059), 4.0, 15),
 }
-MASSES = {
-    "right_upper_shoulder": 5.70044,
-    "right_lower_shoulder": 3.22698,
-    "right_upper_elbow": 4.31272,
-    "right_lower_elbow": 2.07206,
-    "right_upper_forearm": 2.24665,
-    "right_lower_forearm": 1.60979,
-    "right_wrist": 0.35093,
-    "right_hand": 0.19125,
-    "right_gripper": 0.3,
+# Mass (kg), centre of mass (m), and ixx iyy izz ixy ixz iyz about it (kg m^2), in the link's frame.
+INERTIAS = {
+    "right_upper_shoulder": (
+        5.70044,
+        (0.01783, 0.00086, 0.19127),
+        (0.04709102262, 0.03766976455, 0.03595988478, 0.00012787556, 0.00614870039, 0.00078086899),
+    ),
+    "right_lower_shoulder": (
+        3.22698,
+        (0.06845, 0.00269, -0.00529),
+        (0.01175209419, 0.0278859752, 0.02078749298, -0.00030096398, 0.00207675762, -0.00018821993),
+    ),
+    "right_upper_elbow": (
+        4.31272,
+        (-0.00276, 0.00132, 0.18086),
+        (0.02661733557, 0.02844355207, 0.01248008322, 0.00029270634, 0.00392189887, 0.0010838933),
+    ),
+    "right_lower_elbow": (
+        2.07206,
+        (0.02611, 0.00159, -0.01117),
+        (0.00711582686, 0.01318227876, 0.00926852064, 0.00036036173, 0.0007459496, -0.00019663418),
+    ),
+    "right_upper_forearm": (
+        2.24665,
+        (-0.00168, 0.0046, 0.13952),
+        (0.01667742825, 0.01675457264, 0.0037463115, 0.00018403705, 0.00018657629, -0.00064732352),
+    ),
+    "right_lower_forearm": (
+        1.60979,
+        (0.06041, 0.00697, 0.006),
+        (0.00387607152, 0.00700537914, 0.0055275524, -0.00044384784, -0.00021115038, 0.00015348067),
+    ),
+    "right_wrist": (
+        0.35093,
+        (0.00198, 0.00125, 0.01855),
+        (0.00025289155, 0.0002688601, 0.0003074118, 0.00000575311, -0.00000159345, -0.00000519818),
+    ),
+    "right_hand": (
+        0.19125,
+        (0.01093, 0.00042, -0.01532),
+        (0.00017588, 0.00021166377, 0.00023745397, 0.00000147073, 0.0000243633, 0.00000172689),
+    ),
 }
 
 
@@ -119,32 +151,32 @@ def test_forward_kinematics_is_the_published_arm(physics: toast.Physics) -> None
     np.testing.assert_allclose(stretched[:3, 2], [1, 0, 0], atol=1e-12)
 
 
-def test_limits_and_masses_are_the_published_ones(physics: toast.Physics) -> None:
+def test_limits_are_the_published_ones(physics: toast.Physics) -> None:
     for name, (_, _, joint_range, speed, effort) in PUBLISHED.items():
         joint = f"right_{name}"
         np.testing.assert_array_equal(physics.named.model.jnt_range[joint], joint_range)
         np.testing.assert_array_equal(physics.named.model.actuator_ctrlrange[joint], [-speed, speed])
         np.testing.assert_array_equal(physics.named.model.actuator_forcerange[joint], [-effort, effort])
         np.testing.assert_array_equal(physics.named.model.jnt_actfrcrange[joint], [-effort, effort])
-    for body, mass in MASSES.items():
-        assert physics.named.model.body_mass[body] == mass
     np.testing.assert_array_equal(physics.named.model.actuator_ctrlrange["right_gripper"], [0, 100])
 
 
-def test_inertia_is_the_published_tensor(physics: toast.Physics) -> None:
-    orientation = Rotation.from_quat(
-        physics.named.model.body_iquat["right_upper_shoulder"], scalar_first=True
-    ).as_matrix()
-    tensor = orientation @ np.diag(physics.named.model.body_inertia["right_upper_shoulder"]) @ orientation.T
-    xx, yy, zz, xy, xz, yz = (
-        0.04709102262,
-        0.03766976455,
-        0.03595988478,
-        0.00012787556,
-        0.00614870039,
-        0.00078086899,
-    )
+@pytest.mark.parametrize("body", INERTIAS)
+def test_mass_centre_and_inertia_are_the_published_ones(physics: toast.Physics, body: str) -> None:
+    mass, centre, (xx, yy, zz, xy, xz, yz) = INERTIAS[body]
+    model = physics.named.model
+    assert model.body_mass[body] == mass
+    np.testing.assert_array_equal(model.body_ipos[body], centre)
+    orientation = Rotation.from_quat(model.body_iquat[body], scalar_first=True).as_matrix()
+    tensor = orientation @ np.diag(model.body_inertia[body]) @ orientation.T
     np.testing.assert_allclose(tensor, [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], atol=1e-12)
+
+
+def test_the_specs_regions_are_where_the_scene_has_them(physics: toast.Physics) -> None:
+    for name in ("toast", "toast_smooth"):
+        constants = load_spec(spec_path(name)).constants
+        assert constants["table_height"] == toast.TABLE_HEIGHT == physics.named.data.geom_xpos["table", "z"] + 0.02
+        np.testing.assert_array_equal(constants["toaster_centre"], physics.named.data.xpos["toaster"])
 
 
 def test_features_are_the_physics_own_quantities(physics: toast.Physics) -> None:

@@ -103,7 +103,7 @@ class ToastConfig:
     Attributes:
       name: the task's name in results.
       steps: samples of one episode; 100 at 20 Hz are 5 s.
-      waypoints: the start, above the slot, in the slot.
+      waypoints: from the start to where the gripper stays, at least one.
       waypoint_steps: sample at which each waypoint is passed; the first is 0.
       opening_step: first step at which the reference commands an open gripper.
       grip: how far beyond 0 and 100 the reference commands the gripper. Commands are clipped at both, so a small noise
@@ -238,7 +238,7 @@ class Toast(Task):
 
         `ee` (N, T, 3): end-effector in the base frame, m. `rotation` (N, T, 3): rotation vector from the release
         orientation to the gripper's, rad, in the gripper's axes. `gripper` (N, T): 0 closed to 100 open. `velocities`
-        (N, T, 7): rad/s. `command` (N, T, 8): as the policy sent it, rad/s and 0..100.
+        (N, T, 7): rad/s. `command` (N, T, 8): as the policy sent it and before it is clipped, rad/s and %.
         """
         return {
             "ee": features[..., 14:17],
