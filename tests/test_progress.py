@@ -22,6 +22,18 @@ def test_plain_lines_without_a_terminal_count_and_estimate(tmp_path, monkeypatch
     assert [line[20:] for line in log] == lines
 
 
+class ClosedPipe(io.StringIO):
+    def write(self, _):
+        raise BrokenPipeError
+
+
+def test_whoever_stops_reading_stops_nothing(tmp_path):
+    with Progress(["a"], 10, tmp_path / "log.txt", ClosedPipe()) as bar:
+        bar.say("before")
+        bar.end(0, None)
+    assert [line[20:] for line in (tmp_path / "log.txt").read_text().splitlines()] == ["before", "1/1 done; a finished"]
+
+
 def test_lines_are_at_least_half_a_minute_apart(tmp_path, monkeypatch):
     now = [0.0]
     monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])

@@ -23,7 +23,8 @@ class Progress:
         self._failed = 0
         self._start = self._last_line = time.monotonic()
         self._earlier = [0] * len(labels)  # iterations of an earlier session, which say nothing of the speed
-        self._stream = stream = stream or sys.stderr
+        stream = stream or sys.stderr
+        self._stream: TextIO | None = stream
         self._log = open(log, "a", encoding="utf-8")  # noqa: SIM115  # closed by __exit__
         self._bar: Any = tqdm(
             total=len(labels) * iterations, unit="it", file=stream, disable=not stream.isatty(), dynamic_ncols=True
@@ -39,9 +40,13 @@ class Progress:
     def say(self, line: str) -> None:
         """One line on the terminal and, with the time of day, in the log file."""
         print(time.strftime("%Y-%m-%d %H:%M:%S"), line, file=self._log, flush=True)
-        self._bar.write(line, file=self._stream) if not self._bar.disable else print(
-            line, file=self._stream, flush=True
-        )
+        if not self._bar.disable:
+            self._bar.write(line, file=self._stream)
+        elif self._stream is not None:
+            try:
+                print(line, file=self._stream, flush=True)
+            except BrokenPipeError:  # whoever read it has seen enough; the runs go on, and the log has every line
+                self._stream = None
 
     def advance(self, index: int, iteration: int) -> None:
         """Run `index` has done `iteration` iterations."""
