@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -10,8 +11,11 @@ from pathlib import Path
 
 import pytest
 
+from tltlrl import engine
+from tltlrl.errors import UserError
+
 SETTINGS = (
-    "experiment=reach_avoid", "name=small", "seeds=3", "cases=[tltl_episodic]", "algorithm.iterations=40",
+    "experiment=reach_avoid", "name=small", "seeds=3", "cases=[tltl_episodic]", "algorithm.iterations=300",
     "algorithm.samples=8", "algorithm.epsilon=0.5", "task.steps=60", "trials=3",
 )  # fmt: skip
 
@@ -51,15 +55,23 @@ def test_a_scheduler_of_ones_own_gives_the_same_bytes_even_if_a_worker_is_killed
         (tmp_path / name).mkdir()
     alone = tltl_run(tmp_path / "alone", *SETTINGS, "workers=1")
     pid = os.fork()
-    if pid == 0:  # kills one worker once the first rows are there
-        while not list(tmp_path.glob("spread/runs/small/*/*/progress.csv")):
+    if pid == 0:  # kills one worker when each is in the middle of a run
+        deadline = time.monotonic() + 60
+        while time.monotonic() < deadline:
+            begun = {path.parent for path in tmp_path.glob("spread/runs/small/*/*/progress.csv")}
+            ended = {path.parent for path in tmp_path.glob("spread/runs/small/*/*/done.json")}
+            if len(begun - ended) == 2:
+                os.kill(workers[0].pid, signal.SIGKILL)
+                os._exit(0)
             time.sleep(0.01)
-        time.sleep(0.3)
-        os.kill(workers[0].pid, signal.SIGKILL)
-        os._exit(0)
-    spread = tltl_run(tmp_path / "spread", *SETTINGS, f"engine.address={address}", f"runs_dir={tmp_path}/spread/runs")
-    os.waitpid(pid, 0)
-    assert workers[0].poll() is not None
+        os._exit(1)
+    try:
+        arguments = (f"engine.address={address}", f"runs_dir={tmp_path}/spread/runs")
+        spread = tltl_run(tmp_path / "spread", *SETTINGS, *arguments)
+    finally:
+        _, status = os.waitpid(pid, 0)
+    assert status == 0, "two runs were never under way at once"
+    assert workers[0].wait(10) == -signal.SIGKILL
     assert spread == alone
 
 
@@ -73,6 +85,24 @@ def test_a_scheduler_that_is_not_there_is_told(tmp_path):
     assert "engine.address: no scheduler answers at tcp://127.0.0.1:1 (" in done.stderr
     assert not (tmp_path / "runs").exists()
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("who", ["silent", "worker"])
+def test_what_answers_but_is_no_scheduler_is_told(who, monkeypatch, request):
+    monkeypatch.setattr(engine, "SCHEDULER_SECONDS", 2)
+    if who == "silent":
+        listener = socket.create_server(("127.0.0.1", 0))
+        request.addfinalizer(listener.close)
+        address, reason = f"tcp://127.0.0.1:{listener.getsockname()[1]}", ""
+    else:
+        scheduler, _ = request.getfixturevalue("cluster")
+        from distributed import Client
+
+        with Client(scheduler, set_as_default=False) as client:
+            client.wait_for_workers(1, timeout=30)
+            (address, *_), reason = client.scheduler_info()["workers"], "there is a Worker"
+    with pytest.raises(UserError, match=rf"no scheduler answers at {address} \({reason}.*\); start one"):
+        engine.check_scheduler(address)
 
 
 @pytest.mark.parametrize(("second", "code"), [("0.6", 0), ("9", 2)])
@@ -99,7 +129,7 @@ def test_the_clusters_pages_commands(tmp_path):
     page = (Path(__file__).parent.parent / "docs/clusters.md").read_text()
     (tmp_path / ".venv").symlink_to(sys.prefix)
     block = page.split("```sh\n")[1].split("```")[0].replace("8786", "18786")
-    small = " ".join(SETTINGS).replace("iterations=40", "iterations=2").replace("experiment=reach_avoid ", "")
+    small = " ".join(SETTINGS).replace("iterations=300", "iterations=2").replace("experiment=reach_avoid ", "")
     command = block.replace("tltl-run experiment=reach_avoid", f"tltl-run experiment=reach_avoid {small}")
     script = f"set -e\ntrap 'kill $(jobs -p)' EXIT\n{command}"
     done = subprocess.run(

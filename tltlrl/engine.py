@@ -6,6 +6,7 @@ worker that died; the run itself goes on from its checkpoint.
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import logging
 import multiprocessing
@@ -88,7 +89,7 @@ def _on_worker(index: int, run: Run, folder: Path) -> Exception | None:
 
 
 def check_scheduler(address: str) -> None:
-    """Whether anything answers at a scheduler's address, before a folder is made for its results.
+    """Whether a scheduler answers at the address, before a folder is made for its results.
 
     Raises:
       UserError: if not.
@@ -98,11 +99,28 @@ def check_scheduler(address: str) -> None:
         if parts.scheme not in ("tcp", "tls") or parts.port is None:
             raise ValueError("it must be tcp://HOST:PORT or tls://HOST:PORT")
         socket.create_connection((parts.hostname or "", parts.port), timeout=SCHEDULER_SECONDS).close()
+        if parts.scheme == "tcp":  # a tls:// one answers those alone who show their certificate
+            kind = asyncio.run(asyncio.wait_for(_kind_of(address), SCHEDULER_SECONDS))
+            if kind != "Scheduler":
+                raise ValueError(f"there is a {kind}")
     except (OSError, ValueError) as error:
+        reason = str(error) or f"no answer within {SCHEDULER_SECONDS} s"
         raise UserError(
-            f"engine.address: no scheduler answers at {address} ({error}); "
+            f"engine.address: no scheduler answers at {address} ({reason}); "
             "start one with `dask scheduler`, or leave it out"
         ) from error
+
+
+async def _kind_of(address: str) -> str:
+    """What a Dask process at the address says it is; a client would wait for it without end."""
+    from distributed.core import connect
+
+    comm = await connect(address, timeout=SCHEDULER_SECONDS)
+    try:
+        await comm.write({"op": "identity", "reply": True, "close": True})
+        return str((await comm.read())["type"])
+    finally:
+        comm.abort()
 
 
 def _client(address: str) -> Any:
