@@ -9,6 +9,7 @@ import sys
 
 import pytest
 
+import tltlrl.experiment
 import tltlrl.report
 import tltlrl.video  # so that the forked processes have them
 from tltlrl import cli
@@ -139,6 +140,14 @@ def with_less_noise(path):
     path.write_text(path.read_text().replace("command_noise: 0.02", "command_noise: 0.01"))
 
 
+def without_config(path):
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"config": None}))
+
+
+def without_sessions(path):
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"later_sessions": None}))
+
+
 SPEC = "specs/reach_avoid.tltl"
 AGAIN = "the run is computed again"
 RUN_DAMAGES = [
@@ -163,11 +172,11 @@ DAMAGES = [
     *RUN_DAMAGES,
     (f"{RUN}/done.json", deleted, "1 runs of 2 iterations into"),
     *((name, damage, "2 of 2 runs") for name in ("learning_curves.csv", "summary.csv") for damage in (deleted, cut)),
-    ("learning_curves.png", emptied, "2 of 2 runs"),
+    *((name, emptied, "2 of 2 runs") for name in ("learning_curves.png", "tltl_episodic/workspace.png")),
     *(("config.yaml", damage, RESTORED) for damage in (deleted, emptied, cut)),
     *(
         ("manifest.json", damage, "manifest.json was missing or damaged: who computed what is kept is not known")
-        for damage in (deleted, emptied, cut)
+        for damage in (deleted, emptied, cut, without_config, without_sessions)
     ),
     *(
         (SPEC, damage, "specs/reach_avoid.tltl was missing or damaged and is written again")
@@ -211,12 +220,13 @@ def test_spec_and_manifest_both_lost_the_difference_is_told(copy):
     assert "or its copy was damaged or deleted. Set another name=..., or overwrite=true" in errors
 
 
-@pytest.mark.parametrize("damage", [deleted, emptied, cut])
+@pytest.mark.parametrize("damage", [deleted, emptied, cut, without_config, without_sessions])
 def test_a_damaged_manifest_cannot_be_repeated_and_that_is_told(copy, damage):
     damage(copy / "manifest.json")
     code, errors = in_a_child(nothing, cli.run, "--from", copy / "manifest.json")
     assert code == 2
-    assert f"{copy}/manifest.json: not the manifest.json of an experiment (" in errors
+    assert f"tltl-run: {copy}/manifest.json: " in errors
+    assert errors.endswith("the manifest.json of an experiment\n")
     assert len(errors.splitlines()) == 1
 
 
@@ -318,6 +328,35 @@ def test_a_read_only_folder_is_told(copy, command):
     assert str(copy) in said
     assert "read-only file system" in said.lower()
     assert len(said.splitlines()) == 1
+
+
+def test_if_no_run_finishes_nothing_of_earlier_ones_is_shown(copy):
+    def failing():
+        def iterate(*_):
+            raise ValueError("no signal")
+
+        tltlrl.training.iterate = iterate
+
+    for seed in (0, 1):
+        (copy / f"tltl_episodic/seed_{seed}/policy.npz").unlink()
+    code, _ = tltl_run(copy, failing)
+    assert code == 1
+    assert not {"learning_curves.csv", "learning_curves.png", "learning_curves.pdf", "summary.csv", "report.md"} & {
+        path.name for path in copy.iterdir()
+    }
+    page = (copy / "summary.md").read_text()
+    assert "No run has finished." in page
+    assert "- tltl_episodic/seed_1: ValueError: no signal" in page
+
+
+@pytest.mark.parametrize("more", [(), ("overwrite=true",)])
+def test_a_second_command_on_a_folder_is_refused_with_the_process_that_holds_it(copy, more):
+    before = result(copy)
+    with tltlrl.experiment.lock(copy):
+        code, errors = in_a_child(nothing, cli.run, *SMALL, f"runs_dir={copy.parent}", *more)
+    assert code == 2
+    assert errors == (f"tltl-run: process {os.getpid()} is working in {copy}; wait for it, or set another name=...\n")
+    assert result(copy) == before
 
 
 def test_done_json_without_its_seal_is_computed_again(copy):

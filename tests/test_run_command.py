@@ -4,6 +4,7 @@ import contextlib
 import csv
 import json
 import os
+import platform
 import re
 import signal
 import subprocess
@@ -15,6 +16,7 @@ import psutil  # of distributed
 import pytest
 import yaml
 
+from tltlrl import manifest
 from tltlrl.resources import SPECS
 
 SMALL = (
@@ -105,11 +107,33 @@ def test_summary_has_the_success_rate_of_the_trials(undisturbed):
 
 
 def test_manifest_says_what_it_was_made_with(undisturbed):
-    manifest = json.loads((undisturbed / "manifest.json").read_text())
-    assert {"mujoco", "dm-control", "numpy"} <= set(manifest["packages"])
-    assert manifest["command"][0] == "tltl-run"
-    assert re.fullmatch("[0-9a-f]{64}", manifest["specs"]["reach_avoid.tltl"])
-    assert manifest["ended"] >= manifest["started"]
+    made = json.loads((undisturbed / "manifest.json").read_text())
+    assert {"mujoco", "dm-control", "numpy"} <= set(made["packages"])
+    assert made["command"][0] == "tltl-run"
+    assert re.fullmatch("[0-9a-f]{64}", made["specs"]["reach_avoid.tltl"])
+    assert made["ended"] >= made["started"]
+    assert made["python"] == platform.python_version()
+    assert made["platform"] == platform.platform()
+    assert made["cpu"]["count"] == os.cpu_count()
+    assert made["cpu"]["model"]
+
+
+def test_the_commit_is_that_of_this_code_and_of_no_project_around_it(tmp_path, monkeypatch):
+    def git(*arguments):
+        command = ["git", "-c", "user.name=a", "-c", "user.email=a@b", *arguments]
+        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True).stdout.strip()
+
+    code = tmp_path / "venv/tltlrl/manifest.py"
+    code.parent.mkdir(parents=True)
+    code.write_text("")
+    git("init")
+    git("commit", "--allow-empty", "-m", "another project")
+    monkeypatch.setattr(manifest, "__file__", str(code))
+    assert manifest.start_session([])["git"] is None
+    git("add", ".")
+    assert manifest.start_session([])["git"] == {"commit": git("rev-parse", "HEAD"), "dirty": True}
+    git("commit", "-m", "this code")
+    assert manifest.start_session([])["git"] == {"commit": git("rev-parse", "HEAD"), "dirty": False}
 
 
 def test_a_manifest_repeats_its_experiment(undisturbed, tmp_path):
@@ -119,6 +143,28 @@ def test_a_manifest_repeats_its_experiment(undisturbed, tmp_path):
     code, _, errors = run(tmp_path, "--from", str(undisturbed / "manifest.json"))
     assert code == 0
     assert "10 of 10 runs were done before and are kept" in errors
+
+
+def test_a_manifest_goes_on_in_its_own_folder_wherever_its_spec_lay(tmp_path):
+    here, there = tmp_path / "here", tmp_path / "there"
+    here.mkdir()
+    there.mkdir()
+    (here / "my.tltl").write_text((SPECS / "reach_avoid.tltl").read_text())
+    small = (*SMALL, "cases=[tltl_episodic]", "workers=1", "spec=my.tltl")
+    assert run(here, *small, "seeds=1")[0] == 0
+    (here / "my.tltl").write_text("spec: F x < 1\n")
+    code, _, errors = run(there, "--from", "../here/runs/small/manifest.json", "seeds=2")
+    assert code == 0, errors
+    assert "1 of 2 runs were done before and are kept" in errors
+
+
+def test_whoever_stops_reading_the_messages_stops_nothing(tmp_path):
+    reading, writing = os.pipe()
+    os.close(reading)
+    arguments = [*launcher(), *SMALL, "cases=[tltl_episodic]", "workers=1"]
+    assert subprocess.run(arguments, cwd=tmp_path, stderr=writing, timeout=60, check=False).returncode == 0
+    os.close(writing)
+    assert (tmp_path / "runs/small/summary.csv").exists()
 
 
 @pytest.mark.parametrize("arguments", [("--from",), ("--from", "nothing.json"), ("--from", "{here}/config.yaml")])
@@ -274,9 +320,9 @@ def test_a_session_that_adds_runs_is_added_to_the_manifest(tmp_path):
     assert run(tmp_path, *small, "seeds=1")[0] == 0
     first = json.loads((tmp_path / "runs/small/manifest.json").read_text())
     assert run(tmp_path, *small, "seeds=2")[0] == 0
-    manifest = json.loads((tmp_path / "runs/small/manifest.json").read_text())
-    assert (manifest["command"], manifest["started"]) == (first["command"], first["started"])
-    assert [session["command"][-1] for session in manifest["later_sessions"]] == ["seeds=2"]
+    made = json.loads((tmp_path / "runs/small/manifest.json").read_text())
+    assert (made["command"], made["started"]) == (first["command"], first["started"])
+    assert [session["command"][-1] for session in made["later_sessions"]] == ["seeds=2"]
 
 
 @pytest.mark.parametrize("overwrite", ["true", "false"])

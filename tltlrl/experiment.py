@@ -121,8 +121,8 @@ def draw_cases(folder: Path, experiment: Experiment, results: Mapping[Path, Mapp
 
 
 def _written(path: Path) -> float:
-    """When a file was; 0 if there is none."""
-    return path.stat().st_mtime if path.exists() else 0.0
+    """When a file was; 0 if there is none, or nothing in it."""
+    return path.stat().st_mtime if path.exists() and path.stat().st_size else 0.0
 
 
 def run_folder(folder: Path, run: Run) -> Path:
@@ -205,7 +205,7 @@ def prepare(folder: Path, experiment: Experiment) -> list[str]:
     if before is not None and experiment.overwrite:
         for entry in sorted(folder.iterdir(), key=lambda entry: entry == config):  # config.yaml last: stopped on
             if entry.name != LOCK:  # the way, the folder is still known for one of ours
-                shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
+                shutil.rmtree(entry) if entry.is_dir() and not entry.is_symlink() else entry.unlink()
     elif before is not None:
         if differences := _differences(before, experiment.settings):
             if known is None or _differences(known["config"], experiment.settings):
@@ -266,8 +266,11 @@ def _spec_copy(folder: Path, spec: str) -> Path:
 
 
 def _differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    """What keeps results of one config from going on under another, one line each."""
-    old, new = flatten(before), flatten(now)
+    """What keeps results of one config from going on under another, one line each.
+
+    A spec is the same if its file's name is, wherever it lies: its text is compared apart.
+    """
+    old, new = (flatten(config) | {"spec": Path(str(config.get("spec"))).name} for config in (before, now))
     differences = [
         f"  {key}: {old.get(key, 'absent')} there, {new.get(key, 'absent')} now"
         for key in sorted(old.keys() | new.keys())

@@ -8,6 +8,7 @@ import importlib.metadata
 import json
 import os
 import platform
+import re
 import subprocess
 from collections.abc import Mapping
 from pathlib import Path
@@ -64,7 +65,16 @@ def read_manifest(path: Path) -> dict[str, Any] | None:
         content = json.loads(path.read_text())
     except (OSError, ValueError):
         return None
-    return content if isinstance(content, dict) and content.keys() >= KEYS else None
+    whole = (
+        isinstance(content, dict)
+        and content.keys() >= KEYS
+        and isinstance(content["later_sessions"], list)
+        and isinstance(content["specs"], dict)
+        and len(content["specs"]) == 1
+        and isinstance(content["config"], dict)
+        and isinstance(content["config"].get("spec"), str)
+    )
+    return content if whole else None
 
 
 def _now() -> str:
@@ -77,12 +87,13 @@ def settings_of(path: Path) -> dict[str, Any]:
     Raises:
       UserError: if it cannot be read.
     """
-    try:
-        content = json.loads(path.read_text())
-        settings = MACHINERY_DEFAULTS | content["config"] | {"runs_dir": str(path.resolve().parent.parent)}
-        ((name, digest),) = content["specs"].items()
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise UserError(f"{path}: not the manifest.json of an experiment ({error})") from error
+    content = read_manifest(path)
+    if content is None:
+        raise UserError(
+            f"{path}: {'not' if path.exists() else 'there is no such file; give'} the manifest.json of an experiment"
+        )
+    settings = MACHINERY_DEFAULTS | content["config"] | {"runs_dir": str(path.resolve().parent.parent)}
+    ((name, digest),) = content["specs"].items()
     try:
         unchanged = sha256(spec_path(settings["spec"]).read_bytes().decode("utf-8-sig")) == digest
     except UserError:
@@ -97,12 +108,12 @@ def sha256(text: str) -> str:
 
 def _versions() -> dict[str, str]:
     """Everything installed beside tltlrl: what it depends on depends on more, and any of it can move a result."""
-    installed = {d.name: d.version for d in importlib.metadata.distributions()}
-    return dict(sorted(installed.items(), key=lambda item: item[0].lower()))
+    installed = {re.sub("[-_.]+", "-", d.name).lower(): d.version for d in importlib.metadata.distributions()}
+    return dict(sorted(installed.items()))
 
 
 def _git() -> dict[str, Any] | None:
-    """Commit and whether the tree had changes; null outside a checkout."""
+    """Commit and whether the tree had changes; null if this code is not part of a checkout."""
 
     def git(*arguments: str) -> str:
         folder = Path(__file__).parent
@@ -111,6 +122,7 @@ def _git() -> dict[str, Any] | None:
         ).stdout.strip()
 
     try:
+        git("ls-files", "--error-unmatch", Path(__file__).name)  # or it lies in an environment within another project
         return {"commit": git("rev-parse", "HEAD"), "dirty": bool(git("status", "--porcelain"))}
     except (OSError, subprocess.SubprocessError):
         return None

@@ -13,18 +13,20 @@ from scipy.stats import binomtest
 from tltlrl.claims import claim_lines
 from tltlrl.config import Experiment
 from tltlrl.files import write_text
-from tltlrl.plotting import CURVES, plot_learning_curves
+from tltlrl.plotting import CURVES, FORMATS, plot_learning_curves
 from tltlrl.reasons import from_json, merge
 from tltlrl.record import PROGRESS
 from tltlrl.workspace import WORKSPACE, drawable
 
-SUMMARY, SUMMARY_PAGE, REPORT = "summary.csv", "summary.md", "report.md"
+SUMMARY, SUMMARY_PAGE, REPORT, FIGURE = "summary.csv", "summary.md", "report.md", "learning_curves"
 
 
 def write_report(
     folder: Path, experiment: Experiment, finished: Mapping[Path, Mapping[str, Any]], failures: Mapping[str, str]
 ) -> None:
     """Writes every table and figure from the finished runs' files; what failed is listed.
+
+    If no run has finished, tables and figures of an earlier time, whose runs are there no more, are deleted.
 
     Args:
       folder: where to.
@@ -33,6 +35,10 @@ def write_report(
       failures: run => message.
     """
     if not finished:
+        for name in (CURVES, SUMMARY, REPORT, *(f"{FIGURE}{suffix}" for suffix in FORMATS)):
+            (folder / name).unlink(missing_ok=True)
+        lines = [f"# {experiment.name}", "", "No run has finished.", *_failure_lines(failures)]
+        write_text(folder / SUMMARY_PAGE, "\n".join(lines) + "\n")
         return
     tables = [(path / PROGRESS).read_text().split("\n", 1) for path in finished]
     write_text(folder / CURVES, tables[0][0] + "\n" + "".join(rows for _, rows in tables))
@@ -41,7 +47,7 @@ def write_report(
     write_text(folder / SUMMARY, summary.to_csv(index=False, lineterminator="\n"))
     write_text(folder / SUMMARY_PAGE, summary_page(experiment, summary, failures))
     write_text(folder / REPORT, report_page(experiment, summary, finished, failures))
-    plot_learning_curves([curves], folder / "learning_curves")
+    plot_learning_curves([curves], folder / FIGURE)
 
 
 def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) -> pd.DataFrame:
@@ -114,7 +120,7 @@ def report_page(
     """report.md: the summary, the figures, the case study's claims, what failed and why, and the settings."""
     lines = [
         summary_page(experiment, summary, failures),
-        "![Learning curves](learning_curves.png)",
+        f"![Learning curves]({FIGURE}.png)",
         *claim_lines(summary),
         *bottleneck_lines(finished),
         *picture_lines(experiment, finished),
