@@ -22,13 +22,15 @@ $(READY): pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
 	@touch $@
 
-## make reproduce-figures: figures 3.3 and 3.4 from runs at the case study's full budget, into runs/
+## make reproduce-figures: figures 3.3 and 3.4 and the smoothness of toast_smooth.tltl, at the case study's full budget, into runs/
 reproduce-figures: $(READY)
 	$(BIN)/tltl-run experiment=reach_avoid runs_dir=$(RUNS) $(OVERRIDES)
 	$(BIN)/tltl-run experiment=visit_in_order runs_dir=$(RUNS) $(OVERRIDES)
 	$(BIN)/tltl plot $(RUNS)/reach_avoid $(RUNS)/visit_in_order --output $(RUNS)/figure_3_3
 	$(BIN)/tltl-run experiment=toast runs_dir=$(RUNS) $(OVERRIDES)
 	$(BIN)/tltl plot $(RUNS)/toast --output $(RUNS)/figure_3_4
+	$(BIN)/tltl-run experiment=toast name=toast_smooth spec=toast_smooth.tltl cases=[tltl_episodic] runs_dir=$(RUNS) $(OVERRIDES)
+	$(BIN)/python -m benchmarks.smoothness $(RUNS)/toast $(RUNS)/toast_smooth --output $(RUNS)/smoothness.csv | tee $(RUNS)/smoothness.txt
 
 ## make test: lint, types, tests, and a short run of each experiment through the real command
 test: lint types
