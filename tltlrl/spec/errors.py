@@ -69,10 +69,10 @@ class TraceError(_PointingError):
     """Signals that a spec cannot be evaluated on; points to the place in the spec that needs them."""
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str:
+def did_you_mean(name: object, known: Iterable[object]) -> str:
     """Advice that ends a message about an unknown name: the nearest known name, else all of them."""
-    names = list(known)
-    near = get_close_matches(name, names, n=1, cutoff=0.6)
+    names = list(map(str, known))
+    near = get_close_matches(str(name), names, n=1, cutoff=0.6)
     if near:
         return f"did you mean '{near[0]}'?"
     if not names:

@@ -65,8 +65,9 @@ class _TreeBuilder(Transformer[Token, object]):
     def signal(self, _: Token, name: Token, *bracket: Token) -> Node:
         span = span_of(name).to(span_of(bracket[-1] if bracket else name))
         dimension = None
-        if bracket:  # `signal x[2.5]` becomes a dimension of 0, which tltlrl.spec.resolve refuses.
-            dimension = int(bracket[1]) if bracket[1].isdecimal() else 0
+        if bracket:
+            # tltlrl.spec.declarations refuses 0, which stands for `signal x[2.5]`, and all numbers of five digits.
+            dimension = int(bracket[1].lstrip("0")[:5] or 0) if bracket[1].isdecimal() else 0
         return syntax.Signal(str(name), dimension, span=span)
 
     def constant(self, _: Token, name: Token, *rest: object) -> Node:

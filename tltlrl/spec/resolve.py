@@ -80,7 +80,7 @@ class Meaning:
 
 def resolve(source: Source, document: syntax.Document, overrides: Mapping[str, object] | None) -> Meaning:
     """Settle every name. Raises SpecError."""
-    return _Resolver(source, declare(source, document, overrides or {})).meaning()
+    return _Resolver(source, declare(source, document, overrides)).meaning()
 
 
 class _Resolver:
@@ -216,12 +216,13 @@ class _Resolver:
                 )
             return self.results[base.name, label]
         vector = self.vector(base, scope, f"only a vector or a family has a member [{label}]")
-        if not label.isdecimal() or int(label) >= len(vector.components):
+        components = {str(i): component for i, component in enumerate(vector.components)}
+        if label not in components:
             raise self.error(
                 node,
-                f"'{base}' has no component [{label}]; expected 0 to {len(vector.components) - 1}; correct the index",
+                f"'{base}' has no component [{label}]; expected 0 to {len(components) - 1}; correct the index",
             )
-        return Quantity((vector.components[int(label)],))
+        return Quantity((components[label],))
 
     def _component(self, node: syntax.Component, scope: Mapping[str, str]) -> Quantity:
         advice = f"only a vector has a component .{node.axis}"

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
+from numbers import Real
 from pathlib import Path
 from types import MappingProxyType
 
@@ -60,6 +61,8 @@ class Spec:
     """
 
     def __init__(self, text: str, constants: Mapping[str, object] | None, name: str, path: Path | None = None) -> None:
+        if not isinstance(text, str):
+            raise TypeError(f"a spec's text is a str, not {type(text).__name__}; load_spec reads one from a file")
         self.text, self.path = text, path
         self._source = Source(name, text)
         self._meaning: Meaning = resolve(self._source, parse(self._source), constants)
@@ -177,6 +180,16 @@ class Spec:
         return out
 
 
+def _floats(given: ArrayLike) -> Array:
+    """An array of numbers as float64. Raises TypeError, ValueError or OverflowError for anything that is not: texts,
+    dates and complex numbers, which NumPy would turn into floats."""
+    array = np.asarray(given)
+    numbers = array.dtype.kind in "biuf" or (array.dtype.kind == "O" and all(isinstance(v, Real) for v in array.flat))
+    if not numbers:
+        raise TypeError
+    return array.astype(np.float64, copy=False)
+
+
 class _Batch:
     """Checked signals, cut into blocks.
 
@@ -213,7 +226,7 @@ class _Batch:
                 )
         self.steps = self.width
         self.offset: np.ndarray[tuple[int], np.dtype[np.intp]] | None = None
-        if lengths is not None and self.count:
+        if lengths is not None:
             self._set_lengths(lengths)
         for name, array in self.arrays.items():
             self._check_finite(name, array)
@@ -228,9 +241,15 @@ class _Batch:
             )
         dimension = self.meaning.signals[name]
         expected = "(N, T)" if dimension is None else f"(N, T, {dimension})"
+        if np.ma.is_masked(signals[name]):  # NumPy would lose the mask
+            raise self.error(
+                name,
+                f"signal '{name}' holds masked numbers; expected numbers alone; cut the recording with lengths or "
+                "fill them",
+            )
         try:
-            array = np.asarray(signals[name], dtype=np.float64)
-        except (TypeError, ValueError):
+            array = _floats(signals[name])
+        except (TypeError, ValueError, OverflowError):
             raise self.error(
                 name, f"signal '{name}' is no array of numbers; expected shape {expected}; pass floats"
             ) from None
@@ -245,14 +264,15 @@ class _Batch:
 
     def _set_lengths(self, lengths: ArrayLike) -> None:
         name = next(iter(self.arrays))
-        given = np.asarray(lengths)
-        if given.shape != (self.count,) or not np.issubdtype(given.dtype, np.integer):
-            raise self.error(
-                name,
-                f"lengths has shape {given.shape} and type {given.dtype}; expected ({self.count},) "
-                f"whole numbers, "
-                "one per trajectory; correct it",
-            )
+        expected = f"expected ({self.count},) whole numbers, one per trajectory; correct it"
+        try:
+            given = np.asarray(lengths)
+        except ValueError:
+            raise self.error(name, f"lengths is no array; {expected}") from None
+        if given.shape != (self.count,) or (self.count and not np.issubdtype(given.dtype, np.integer)):
+            raise self.error(name, f"lengths has shape {given.shape} and type {given.dtype}; {expected}")
+        if not self.count:
+            return
         wrong = np.flatnonzero((given < 1) | (given > self.width))
         if len(wrong):
             raise self.error(
