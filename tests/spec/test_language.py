@@ -206,6 +206,11 @@ def test_what_is_long_but_not_deep_is_read():
     assert deep.explain({"x": [[0.5]]})[0].margin == 0.5
 
 
+def test_a_formula_that_uses_another_twice_at_each_level_is_read_at_once():
+    chain = "signal x\ndef p0: x < 1\n" + "".join(f"def p{k}: p{k - 1} & p{k - 1}\n" for k in range(1, 61))
+    assert parse_spec(chain + "spec: G p60").robustness({"x": [[0.5]]}) == [0.5]
+
+
 def test_import_is_light():
     """The language alone: no simulator, no config system, no plots."""
     code = "import sys, tltlrl.spec; print(*sorted({name.split('.')[0] for name in sys.modules}))"

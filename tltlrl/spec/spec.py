@@ -161,11 +161,12 @@ class Spec:
     def _run(
         self, batch: "_Batch", rows: slice, block: Signals, roots: tuple[int, ...], first: bool
     ) -> dict[int, Array]:
-        ready = self._plan(roots, batch.steps, first)
         try:
-            return ready.run(block)
+            return self._plan(roots, batch.steps, first).run(block)
         except FloatingPointError:
-            raise batch.failure(ready, rows, block) from None
+            # A shortcut's operations stand nowhere in the spec: the place is that in the formula as written.
+            written = (self._meaning.root,) if first else roots
+            raise batch.failure(self._plan(written, batch.steps, first), rows, block) from None
 
     def _over_time(self, batch: "_Batch", roots: tuple[int, ...]) -> dict[int, Array]:
         out = {root: np.full((batch.count, batch.width), np.nan) for root in roots}
@@ -338,14 +339,12 @@ class _Batch:
         row += rows.start
         if self.offset is not None:
             step = max(0, step - int(self.offset[row]))
-        # A squared distance (tltlrl.spec.shortcut) stands in the place of the distance.
-        op = ready.graph.ops[node]
-        place = self.meaning.places[ready.graph.add("norm", *op.args) if op.name == "squares" else node]
+        place = self.meaning.places[node]
         problem = {
             "divide": "division by zero or overflow",
             "sqrt": "the square root of a negative number",
             "power": "a power without a finite value",
-        }.get(op.name, "a number too large for a float")
+        }.get(ready.graph.ops[node].name, "a number too large for a float")
         return TraceError(
             self.source,
             place.span,
