@@ -133,6 +133,10 @@ def test_regions():
     assert box.robustness({"x": [[[3, 0.25]], [[1, 3]]]}).tolist() == [0.25, -2]
 
 
+def test_a_distance_beyond_a_negative_number_is_no_region():
+    assert parse_spec("distance(p, (0, 0)) > -1").regions == ()
+
+
 def test_constants_are_overridden():
     text = "const goal[r] = (1, 2)\nconst goal[g] = (3, 4)\nconst s = 5\nsignal x\nspec: G[0, s] x < s"
     spec = parse_spec(text, {"goal": {"r": np.array([7, 8])}, "s": 2})

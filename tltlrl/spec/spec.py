@@ -145,14 +145,15 @@ class Spec:
         """The robustness of each named sub-formula on each suffix: name to (N, T), as
         `robustness_over_time`."""
         batch = _Batch(self._meaning, self._source, signals, lengths)
-        nodes = {name: node for name, (node, _) in self._meaning.definitions.items()}
+        nodes = {name: truth.node for name, (truth, _) in self._meaning.definitions.items()}
         values = self._over_time(batch, tuple(dict.fromkeys(nodes.values())))
         return {name: values[node] for name, node in nodes.items()}
 
     def explain(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> tuple[Explanation, ...]:
         """What decides each trajectory's value: one Explanation each."""
         batch = _Batch(self._meaning, self._source, signals, lengths)
-        self._over_time(batch, (self._meaning.root,))  # finds expressions without a finite value
+        named = (truth.node for truth, _ in self._meaning.definitions.values())
+        self._over_time(batch, tuple({self._meaning.root, *named}))  # finds expressions without a finite value
         return tuple(explain(self._meaning, self._source.name, batch.single(row)) for row in range(batch.count))
 
     def _make_plan(self, roots: tuple[int, ...], end: int, first: bool) -> Plan:
