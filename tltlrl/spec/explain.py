@@ -37,16 +37,27 @@ class Explanation:
         """Robustness above zero. At exactly zero neither the formula nor its negation is robustly true."""
         return self.value > 0
 
-    def __str__(self) -> str:
-        verdict = "satisfied" if self.value > 0 else "violated" if self.value < 0 else "undecided"
+    @property
+    def verdict(self) -> str:
+        """`satisfied`, `violated`, or `undecided` at exactly zero."""
+        return "satisfied" if self.value > 0 else "violated" if self.value < 0 else "undecided"
+
+    @property
+    def decided_by(self) -> str:
+        """How it was decided: `at step 3 by x < 1 in low, margin +0.2`."""
         if self.predicate is None:
-            return f"{verdict}, robustness {self.value:+g}: decided by the end of the trajectory, step {self.step}"
+            return f"by the end of the trajectory, step {self.step}"
         part = f" in {self.name}" if self.name else ""
         atom = f"!({self.predicate})" if self.negated else self.predicate
-        return (
-            f"{verdict}, robustness {self.value:+.6g}: decided at step {self.step} by {atom}{part}, "
-            f"margin {self.margin:+.6g} ({self.source}:{self.line}:{self.column})"
-        )
+        return f"at step {self.step} by {atom}{part}, margin {self.margin:+.6g}"
+
+    @property
+    def place(self) -> str:
+        """Where the predicate stands, `file:line:column`; the file alone when the end decides."""
+        return self.source if self.line is None else f"{self.source}:{self.line}:{self.column}"
+
+    def __str__(self) -> str:
+        return f"{self.verdict}, robustness {self.value:+.6g}: decided {self.decided_by} ({self.place})"
 
 
 def explain(meaning: Meaning, source: str, signals: Signals) -> Explanation:
@@ -61,13 +72,14 @@ def explain(meaning: Meaning, source: str, signals: Signals) -> Explanation:
 
     named = {title: truth for title, (truth, _) in meaning.definitions.items()}
     values = suffixes(end, meaning.formula, *named.values())
-    definitions = {title: float(values[truth.node][0]) for title, truth in named.items()}
-    value = float(values[meaning.root][0])
+    # Adding 0.0 makes +0.0 of the -0.0 that a negation leaves.
+    definitions = {title: float(values[truth.node][0]) + 0.0 for title, truth in named.items()}
+    value = float(values[meaning.root][0]) + 0.0
     formula, t, stop, negated, name = meaning.formula, 0, end, False, None
     while True:
         name = formula.name or name
         if formula.predicate is not None:
-            margin = float(values[formula.node][t])
+            margin = float(values[formula.node][t]) + 0.0
             text, span = formula.predicate.text, formula.predicate.span
             return Explanation(value, text, name, source, span.line, span.column, t, margin, negated, definitions)
         negated ^= formula.operation == "negative"
