@@ -215,6 +215,20 @@ def test_a_formula_that_uses_another_twice_at_each_level_is_read_at_once():
     assert parse_spec(chain + "spec: G p60").robustness({"x": [[0.5]]}) == [0.5]
 
 
+def test_a_mistake_after_much_space_is_told_at_once():
+    start = time.perf_counter()
+    for filler in (" ", "# a comment\n", "x"):
+        with pytest.raises(SpecError):
+            parse_spec("x < 1 &" + filler * 50_000 + ")")
+    assert time.perf_counter() - start < 2
+
+
+def test_bounds_are_sums_of_constants():
+    spec = parse_spec("const n = 5\nsignal x\nspec: G[n-2, 2*n - 1] x < 1")
+    assert spec == parse_spec("const n = 5\nsignal x\nspec: G[(n-2), ((2*n) - 1)] x < 1") == parse_spec(str(spec))
+    assert spec.horizon == 9
+
+
 def test_import_is_light():
     """The language alone: no simulator, no config system, no plots."""
     code = "import sys, tltlrl.spec; print(*sorted({name.split('.')[0] for name in sys.modules}))"

@@ -10,7 +10,7 @@ from typing import TypeGuard
 import numpy as np
 
 from tltlrl.spec import syntax
-from tltlrl.spec.errors import Source, Span, SpecError, did_you_mean
+from tltlrl.spec.errors import Source, Span, SpecError, did_you_mean, elsewhere
 from tltlrl.spec.syntax import Node
 
 Value = float | tuple[float, ...]
@@ -61,6 +61,8 @@ def declare(source: Source, document: syntax.Document, overrides: Mapping[str, o
     is_bare = not document.declarations
     if is_bare:
         signals, spans = _inferred_signals(document.formula)
+        for name in sorted({"true", "false", "inf"} & signals.keys()):
+            raise SpecError(source, spans[name], f"found '{name}'; expected the name of a signal; {elsewhere(name)}")
     constants = _effective_constants(source, document, families, {} if overrides is None else overrides)
     return Declarations(names, signals, spans, families, constants, _with_constants(document, constants), is_bare)
 

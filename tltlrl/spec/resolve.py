@@ -10,7 +10,7 @@ from typing import Any
 
 from tltlrl.spec import syntax
 from tltlrl.spec.declarations import FUNCTIONS, Declarations, Value, check_binding, declare
-from tltlrl.spec.errors import Source, Span, SpecError, did_you_mean
+from tltlrl.spec.errors import Source, Span, SpecError, did_you_mean, elsewhere
 from tltlrl.spec.graph import Graph
 from tltlrl.spec.shortcut import at_start
 from tltlrl.spec.syntax import Node
@@ -213,10 +213,9 @@ class _Resolver:
             )
         if node.name in FUNCTIONS:
             raise self.error(node, f"'{node.name}' is a function; expected its arguments; write {node.name}(...)")
-        known = [*self.declared.names, *FUNCTIONS]
-        advice = did_you_mean(node.name, known)
-        if not advice.startswith("did"):
-            advice = f"declare it, for instance with 'signal {node.name}'"
+        near = did_you_mean(node.name, [*self.declared.names, *FUNCTIONS])
+        declare = near if near.startswith("did") else f"declare it, for instance with 'signal {node.name}'"
+        advice = elsewhere(node.name) or declare
         raise self.error(node, f"unknown name '{node.name}'; expected a declared one; {advice}")
 
     def _index(self, node: syntax.Index, scope: Mapping[str, str]) -> Quantity | Truth:
@@ -352,7 +351,8 @@ class _Resolver:
         name, arguments = node.function, node.arguments
         if name not in FUNCTIONS:
             what = "is no function" if name in self.declared.names else "unknown function"
-            advice = did_you_mean(name, FUNCTIONS)
+            near = did_you_mean(name, FUNCTIONS)
+            advice = elsewhere(name) or (near if near.startswith("did") else "write it with these")
             raise self.error(node, f"{what}: '{name}'; expected one of {', '.join(FUNCTIONS)}; {advice}")
         fewest, most = FUNCTIONS[name]
         if not fewest <= len(arguments) <= most:
