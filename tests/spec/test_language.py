@@ -200,6 +200,12 @@ def test_deep_nesting_is_refused(deep):
         parse_spec(deep)
 
 
+def test_100_operators_may_nest():
+    assert parse_spec("!" * 99 + "x < 1").robustness({"x": [[0.0]]}) == [-1]
+    with pytest.raises(SpecError, match="more than 100 operators"):
+        parse_spec("!" * 100 + "x < 1")
+
+
 def test_what_is_long_but_not_deep_is_read():
     assert parse_spec("(" * 10_000 + "x < 1" + ")" * 10_000) == parse_spec("x < 1")
     many = parse_spec(" & ".join(f"x < {k}" for k in range(3_000)))

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from oracle import robustness
 from strategies import batches, comparisons, formulas
 
-from tltlrl.spec import TraceError, parse_spec
+from tltlrl.spec import TraceError, parse_spec, scans
 from tltlrl.spec import syntax as s
 
 DECLARED = "signal x\nsignal y\nsignal z\nsignal w\nspec: "
@@ -187,6 +187,16 @@ def test_long_trajectories(steps, count):
     for text, expected in [("(x > 0) U (y > 0)", until), ("(x > 0) T (y > 0)", then)]:
         assert np.array_equal(parse_spec(text).robustness({"x": x, "y": y}), expected[:, 0])
     assert np.array_equal(value("G F x > 0"), np.repeat(x[:, -1:], steps, axis=1))
+
+
+@pytest.mark.parametrize("narrow", [0, 4096])
+def test_windows_by_blocks_and_by_doubling(narrow, monkeypatch):
+    monkeypatch.setattr(scans, "_NARROW", narrow)
+    x = np.random.default_rng(0).normal(size=(3, 40))
+    for size in range(1, 41):
+        views = np.lib.stride_tricks.sliding_window_view(x, size, axis=1)
+        assert np.array_equal(scans.windows(np.minimum, x, size), views.min(axis=2))
+        assert np.array_equal(scans.windows(np.maximum, x, size), views.max(axis=2))
 
 
 @settings(deadline=None, max_examples=100)
