@@ -79,6 +79,9 @@ _WRITTEN = {
     "then": "T",
     "implies": "=>",
     "iff": "<=>",
+    "and": "&",
+    "or": "|",
+    "not": "!",
 }
 
 

@@ -351,7 +351,7 @@ def _expected(token: Token, accepts: set[str], text: str, after: str) -> str:
         if token.type in {"LESS", "GREATER"}:
             return f"expected a logical operator{marks}; a comparison has numbers on both sides, group with ( )"
         if token.type in {"NAME", "NUMBER", "LPAR", "NOT"} or token.type in _OPERATORS:
-            if advice := elsewhere(str(token)) or elsewhere(before):
+            if advice := (token.type == "NAME" and elsewhere(str(token))) or elsewhere(before):
                 return f"expected an operator{marks}; {advice}"
             if token.type in _DECLARATIONS and missing:
                 return f"expected '{missing[0][1]}'; close what is open before the next declaration"
@@ -365,10 +365,8 @@ def _expected(token: Token, accepts: set[str], text: str, after: str) -> str:
         return f"expected {' or '.join(repr(mark) for _, mark in missing)}; write it here"
     if "SPEC" in accepts and within == "const" and token.type in {*_ARITHMETIC, "COMMA"}:
         return f"expected the next declaration; {_LITERAL}"
-    if "SPEC" in accepts and within == "signal" and token.type == "COMMA":
-        return (
-            "expected the next declaration; each signal has one of its own: write 'signal' again in place of the comma"
-        )
+    if "SPEC" in accepts and token.type == "COMMA":
+        return f"expected the next declaration; each name has one of its own: write '{within}' in place of the comma"
     if "SPEC" in accepts:
         return (
             "expected a declaration (signal, const, let, def) or the formula, 'spec: ...'; "

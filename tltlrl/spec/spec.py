@@ -243,14 +243,16 @@ class _Batch:
             )
         dimension = self.meaning.signals[name]
         expected = "(N, T)" if dimension is None else f"(N, T, {dimension})"
-        if np.ma.is_masked(signals[name]):  # NumPy would lose the mask
+        given = signals[name]
+        rows = given if isinstance(given, list | tuple) else [given]
+        if any(map(np.ma.is_masked, rows)):  # NumPy would lose the mask
             raise self.error(
                 name,
                 f"signal '{name}' holds masked numbers; expected numbers alone; cut the recording with lengths or "
                 "fill them",
             )
         try:
-            array = _floats(signals[name])
+            array = _floats(given)
         except (TypeError, ValueError, OverflowError):
             raise self.error(
                 name, f"signal '{name}' is no array of numbers; expected shape {expected}; pass floats"
