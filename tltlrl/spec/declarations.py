@@ -116,7 +116,7 @@ def _names(source: Source, document: syntax.Document) -> tuple[tuple[str, ...], 
             raise SpecError(
                 source,
                 d.span,
-                f"found no dimension; expected a whole number from 1 to {MAX_DIMENSION}; write for instance ee[2]",
+                f"this is no dimension; expected a whole number from 1 to {MAX_DIMENSION}; write for instance ee[2]",
             )
         if isinstance(d, syntax.Definition) and d.variable:
             labels[d.name] = list(d.labels)

@@ -282,17 +282,13 @@ def _unknown_character(char: str) -> str:
 
 def _expected(token: Token, accepts: set[str], text: str, after: str) -> str:
     """What could stand where `token` does, between two parts of the text, and what its writer probably meant."""
-    found = re.search(r"(\w+|\S)?$", text.rstrip()[-100:])
-    before = found[1] or "" if found else ""
-    keywords = re.findall(rf"\b(?:{'|'.join(_DECLARATIONS.values())})\b", text)
-    within = keywords[-1] if keywords else ""
-    for word in (str(token), before):
-        if (
-            token.type in {"NAME", "COLON"}
-            and word not in _DECLARATIONS.values()
-            and word.lower() in _DECLARATIONS.values()
-        ):
-            return f"expected a declaration or a formula; did you mean '{word.lower()}'?"
+    before = re.findall(r"\w+$|\S$|$", text.rstrip()[-100:])[0]
+    keywords = _DECLARATIONS.values()
+    within = ["", *re.findall(rf"\b(?:{'|'.join(keywords)})\b", text)][-1]
+    if token.type in {"NAME", "COLON"}:
+        for word in (str(token), before):
+            if word not in keywords and word.lower() in keywords:
+                return f"expected a declaration or a formula; did you mean '{word.lower()}'?"
     if accepts == {"NAME"}:
         if before == ".":
             return "expected a component after the dot; write .x, .y or .z, or an index in brackets, as in ee[0]"
