@@ -2,6 +2,7 @@
 
 import csv
 import json
+import math
 import sys
 from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Mapping
@@ -14,6 +15,7 @@ from tltlrl.errors import UserError, nearest
 from tltlrl.spec import Explanation, Spec, load_spec
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
+PICTURES = (".png", ".pdf", ".svg")
 
 EXIT_CODES = """\
 exit codes:
@@ -65,8 +67,8 @@ def check(
     Raises SpecError, TraceError, and UserError for files that cannot be read or written.
     """
     out = out or sys.stdout
-    if plot is not None and trace_path is None:
-        raise UserError("--plot draws a trace, and none was given; add a TRACE.csv")
+    if plot is not None:
+        _check_picture(Path(plot), trace_path)
     try:
         spec = load_spec(spec_path, constants)
     except OSError as error:
@@ -86,6 +88,16 @@ def check(
     return 0 if why.satisfied else 1
 
 
+def _check_picture(plot: Path, trace_path: str | Path | None) -> None:
+    """Whether there will be something to draw and a place for it, before anything is evaluated. Raises UserError."""
+    if trace_path is None:
+        raise UserError("--plot draws a trace, and none was given; add a TRACE.csv")
+    if plot.suffix.lower() not in PICTURES:
+        raise UserError(f"{plot}: the picture's path ends in {plot.suffix!r}; expected one of {', '.join(PICTURES)}")
+    if not plot.parent.is_dir():
+        raise UserError(f"{plot}: there is no folder {plot.parent} for the picture; make it or give another path")
+
+
 def constants_from(settings: list[str]) -> dict[str, object]:
     """`["goal.r=[1,2]", "radius=0.3"]` as `{"goal": {"r": [1, 2]}, "radius": 0.3}`. Raises UserError."""
     constants: dict[str, object] = {}
@@ -94,15 +106,12 @@ def constants_from(settings: list[str]) -> dict[str, object]:
         name, _, label = key.partition(".")
         try:
             number = json.loads(value)
-        except json.JSONDecodeError:
+        except (ValueError, RecursionError):
             raise UserError(f"--set {setting}: not a number or a list; write NAME=0.3 or NAME=[1,2]") from None
-        if not label:
-            constants[name] = number
-            continue
-        family = constants.setdefault(name, {})
-        if not isinstance(family, dict):
-            raise UserError(f"--set {setting}: {name} is also set as a whole; set it one way")
-        family[label] = number
+        family = constants.setdefault(name, {}) if label else constants
+        if not isinstance(family, dict) or (label or name) in family:
+            raise UserError(f"--set {setting}: {name} is set before; expected each once; delete one")
+        family[label or name] = number
     return constants
 
 
@@ -117,23 +126,36 @@ def read_trace(path: str | Path, signals: Mapping[str, int | None]) -> dict[str,
     """One trajectory's signals, (1, T) or (1, T, d), from a CSV file. Raises UserError with the line and column."""
     try:
         with open(path, newline="", encoding="utf-8-sig") as file:
-            rows = list(csv.reader(file))
+            reader = csv.reader(file)
+            lines = [(reader.line_num, row) for row in reader if row]
     except OSError as error:
         raise UserError(f"{path}: the trace cannot be read: {error.strerror}; give the path of a CSV file") from None
     except (UnicodeDecodeError, csv.Error) as error:
         raise UserError(f"{path}: the trace is no CSV text: {error}; save it as CSV in UTF-8") from None
-    if not rows:
+    if not lines:
         raise UserError(f"{path}:1:1: the file is empty; expected a row of column names, then one row per sample")
-    header, samples = [name.strip() for name in rows[0]], [row for row in rows[1:] if row]
+    (top, first), *samples = lines
+    header = [name.strip() for name in first]
     if not samples:
-        raise UserError(f"{path}:2:1: there are no samples; expected one row of numbers per sample")
+        raise UserError(f"{path}:{top + 1}:1: there are no samples; expected one row of numbers per sample")
+    for line, row in samples:
+        if len(row) != len(header):
+            raise UserError(
+                f"{path}:{line}:{min(len(row), len(header)) + 1}: the row has {_cells(len(row))}; expected "
+                f"{len(header)}, as the header; "
+                + ("write decimal points, not commas" if len(row) > len(header) else "complete it or delete it")
+            )
 
-    def column(name: str, *others: str) -> list[float]:
-        for wanted in (name, *others):
-            if wanted in header:
-                place = header.index(wanted)
-                return [_number(path, line, wanted, row, place) for line, row in enumerate(rows[1:], 2) if row]
-        raise UserError(f"{path}:1:1: there is no column {name}{nearest(name, header)}")
+    def column(*spellings: str) -> list[float]:
+        places = [place for place, name in enumerate(header) if name in spellings]
+        if not places:
+            raise UserError(f"{path}:{top}:1: there is no column {spellings[0]}{nearest(spellings[0], header)}")
+        if len(places) > 1:
+            raise UserError(
+                f"{path}:{top}:{places[1] + 1}: there are {len(places)} columns {spellings[0]}; expected one; "
+                "delete or rename the others"
+            )
+        return [_number(f"{path}:{line}:{places[0] + 1}", header[places[0]], row[places[0]]) for line, row in samples]
 
     trace: dict[str, Array] = {}
     for name, dimension in signals.items():
@@ -145,12 +167,18 @@ def read_trace(path: str | Path, signals: Mapping[str, int | None]) -> dict[str,
     return trace
 
 
-def _number(path: str | Path, line: int, name: str, row: list[str], place: int) -> float:
-    cell = row[place] if place < len(row) else ""
+def _cells(count: int) -> str:
+    return "1 cell" if count == 1 else f"{count} cells"
+
+
+def _number(place: str, name: str, cell: str) -> float:
     try:
-        return float(cell)
+        number = math.nan if "_" in cell else float(cell)  # Python reads 1_000 as 1000
     except ValueError:
-        raise UserError(f"{path}:{line}:{place + 1}: {name} is {cell!r}; expected a number") from None
+        number = math.nan
+    if not math.isfinite(number):
+        raise UserError(f"{place}: {name} is {cell!r}; expected a finite number; repair the recording") from None
+    return number
 
 
 def described(spec: Spec) -> str:
@@ -181,14 +209,13 @@ def described(spec: Spec) -> str:
 
 def judged(why: Explanation, trace: str) -> str:
     """Robustness, verdict and explanation of one trajectory."""
-    verdict, _, decided = str(why).partition(": ")
     values = [f"{value:+12.6g}  {name}" for name, value in why.definitions.items()]
     return _table(
         [
             ("trace", [trace]),
             ("robustness", [f"{why.value:+.6g}"]),
-            ("verdict", [verdict.partition(",")[0]]),
-            ("explanation", [decided]),
+            ("verdict", [why.verdict]),
+            ("explanation", [f"decided {why.decided_by} ({why.place})"]),
             ("at step 0", values),
         ]
     )
@@ -215,7 +242,7 @@ def draw(spec: Spec, signals: Mapping[str, Array], why: Explanation, path: str |
     for axis, (name, values) in zip(axes[:-1], signals.items(), strict=True):
         own = columns(name, spec.signals[name])
         for i, (label, curve) in enumerate(zip(own, values[0].reshape(len(values[0]), -1).T, strict=True)):
-            axis.plot(curve, styles[i % 4], color=greys[i // 4 % 3], linewidth=1.2, label=label)
+            axis.plot(curve, styles[i % 4], color=greys[i // 4 % 3], linewidth=1.2, label=_entry(label))
         axis.set_ylabel(name)
         axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, frameon=False)
     last = axes[-1]
@@ -227,17 +254,16 @@ def draw(spec: Spec, signals: Mapping[str, Array], why: Explanation, path: str |
             "-" if is_spec else styles[(i + 1) % 4],
             color="tab:red" if is_spec else greys[i // 4 % 3],
             linewidth=2.2 if is_spec else 1.2,
-            label=name,
+            label=_entry(name),
         )
     last.axhline(0, color="0.7", linewidth=0.8, zorder=0)
     for axis in axes:
         axis.axvline(why.step, color="tab:red", linewidth=0.8, linestyle=(0, (1, 2)))
         axis.spines[["top", "right"]].set_visible(False)
-    decided = str(why).partition(": ")[2].rsplit(" (", 1)[0]
     if why.margin is not None:
         # On the predicate's own curve, where its sub-formula has one: a negation turns the value's sign.
         last.plot(why.step, why.margin, "o", color="tab:red", markersize=7, markerfacecolor="white", zorder=5)
-    last.set_title(decided, fontsize=9, loc="left")
+    last.set_title(f"decided {why.decided_by}", fontsize=9, loc="left")
     last.set_xlabel("step")
     last.set_ylabel("robustness from here on")
     last.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, frameon=False)
@@ -246,7 +272,10 @@ def draw(spec: Spec, signals: Mapping[str, Array], why: Explanation, path: str |
     )
     try:
         figure.savefig(path, dpi=150)
-    except (OSError, ValueError) as error:
-        raise UserError(
-            f"{path}: the picture cannot be saved: {error}; give a path that ends in .png, .pdf or .svg"
-        ) from None
+    except OSError as error:
+        raise UserError(f"{path}: the picture cannot be saved: {error.strerror}; give another path") from None
+
+
+def _entry(label: str) -> str:
+    """A legend's entry: Matplotlib leaves out those that begin with _."""
+    return f" {label}"

@@ -120,10 +120,8 @@ def _evaluate(arguments: argparse.Namespace) -> int:
     run, policy = open_run(arguments.run)
     tried = try_policy(run, policy, arguments.trials, np.random.default_rng(arguments.seed))
     for trial, why in enumerate(run.spec.explain(tried.signals, tried.lengths)):
-        verdict = "satisfied" if why.satisfied else "violated"
-        decided = f"; decided by {why.predicate} at step {why.step}" if why.predicate else ""
         judged = "".join(f"; {name}: {'yes' if values[trial] else 'no'}" for name, values in tried.outcomes.items())
-        print(f"trial {trial}: robustness {why.value:+.4f}, {verdict}{decided}{judged}")
+        print(f"trial {trial}: robustness {why.value:+.4f}, {why.verdict}; decided {why.decided_by}{judged}")
     for name, successes in {"success": tried.robustness > 0, **tried.outcomes}.items():
         count = int(np.sum(successes))
         interval = binomtest(count, arguments.trials).proportion_ci(method="wilson")

@@ -133,6 +133,10 @@ def test_regions():
     assert box.robustness({"x": [[[3, 0.25]], [[1, 3]]]}).tolist() == [0.25, -2]
 
 
+def test_a_distance_beyond_a_negative_number_is_no_region():
+    assert parse_spec("distance(p, (0, 0)) > -1").regions == ()
+
+
 def test_constants_are_overridden():
     text = "const goal[r] = (1, 2)\nconst goal[g] = (3, 4)\nconst s = 5\nsignal x\nspec: G[0, s] x < s"
     spec = parse_spec(text, {"goal": {"r": np.array([7, 8])}, "s": 2})
@@ -196,6 +200,12 @@ def test_deep_nesting_is_refused(deep):
         parse_spec(deep)
 
 
+def test_100_operators_may_nest():
+    assert parse_spec("!" * 99 + "x < 1").robustness({"x": [[0.0]]}) == [-1]
+    with pytest.raises(SpecError, match="more than 100 operators"):
+        parse_spec("!" * 100 + "x < 1")
+
+
 def test_what_is_long_but_not_deep_is_read():
     assert parse_spec("(" * 10_000 + "x < 1" + ")" * 10_000) == parse_spec("x < 1")
     many = parse_spec(" & ".join(f"x < {k}" for k in range(3_000)))
@@ -204,6 +214,25 @@ def test_what_is_long_but_not_deep_is_read():
     deep = parse_spec(chain + "spec: p3000")
     assert deep.robustness({"x": [[0.5]]}) == [0.5]
     assert deep.explain({"x": [[0.5]]})[0].margin == 0.5
+
+
+def test_a_formula_that_uses_another_twice_at_each_level_is_read_at_once():
+    chain = "signal x\ndef p0: x < 1\n" + "".join(f"def p{k}: p{k - 1} & p{k - 1}\n" for k in range(1, 61))
+    assert parse_spec(chain + "spec: G p60").robustness({"x": [[0.5]]}) == [0.5]
+
+
+def test_a_mistake_after_much_space_is_told_at_once():
+    start = time.perf_counter()
+    for filler in (" ", "# a comment\n", "x"):
+        with pytest.raises(SpecError):
+            parse_spec("x < 1 &" + filler * 50_000 + ")")
+    assert time.perf_counter() - start < 2
+
+
+def test_bounds_are_sums_of_constants():
+    spec = parse_spec("const n = 5\nsignal x\nspec: G[n-2, 2*n - 1] x < 1")
+    assert spec == parse_spec("const n = 5\nsignal x\nspec: G[(n-2), ((2*n) - 1)] x < 1") == parse_spec(str(spec))
+    assert spec.horizon == 9
 
 
 def test_import_is_light():

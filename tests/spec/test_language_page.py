@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from tltlrl.spec import SpecError, parse_spec
+from tltlrl.spec.declarations import FUNCTIONS
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "spec-language.md").read_text(encoding="utf-8")
@@ -46,7 +47,7 @@ ROWS = [
 OPERATOR = re.compile(r"<=>|=>|(?:all|any)(?= )|X\[!\]|[<>!&|GFXURWT]")
 
 
-@pytest.mark.parametrize("row", [row for row in ROWS if OPERATOR.search(row[0]) and "<" not in row[0][:5]])
+@pytest.mark.parametrize("row", [row for row in ROWS if re.search(r"\bp\b", row[0])])
 def test_other_spellings(row):
     for form in re.findall(r"`(.*?)`", row[0]):
         for other in re.findall(r"`(.*?)`", row[1]):
@@ -55,6 +56,20 @@ def test_other_spellings(row):
                 for text in (form, OPERATOR.sub(f"{other} ", form, count=1))
             )
             assert one == two
+
+
+@pytest.mark.parametrize("row", [row for row in ROWS if not re.search(r"\bp\b", row[0])])
+def test_other_spellings_of_arithmetic_and_comparisons(row):
+    """Each means what one of the row's forms means."""
+
+    def value(text):
+        formula = text if re.search("[<>≤≥]", text) else f"{text} < 1"
+        return float(parse_spec(formula).robustness({"a": [[3.0]], "b": [[2.0]]})[0])
+
+    forms = re.findall(r"`(.*?)`", row[0])
+    for other in re.findall(r"`(.*?)`", row[1]):
+        others = {value(re.sub(r"\*\*|[-+*/<>]", other, form, count=1)) for form in forms}
+        assert others & {value(form) for form in forms}
 
 
 BINARY = ["<=>", "=>", "|", "&", "U"]
@@ -72,7 +87,7 @@ def test_strength_of_formulas():
 
 def test_words_that_cannot_be_names():
     words = re.search(r"cannot be names: `(.*?)` `(.*?)`", PAGE)
-    for word in f"{words[1]} {words[2]}".split():
+    for word in [*f"{words[1]} {words[2]}".split(), *FUNCTIONS]:
         with pytest.raises(SpecError):
             parse_spec(f"signal {word}\nspec: {word} < 1")
 

@@ -8,6 +8,7 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tltlrl.spec import SpecError, TraceError, load_spec, parse_spec
@@ -53,6 +54,54 @@ def test_a_file_of_another_encoding(tmp_path):
     path.write_bytes(b"# caf\xe9\nx < 1")
     with pytest.raises(SpecError, match=r"task.tltl:1:1: the file is not UTF-8"):
         load_spec(path)
+
+
+HUGE = 10**5000
+
+
+@pytest.mark.parametrize(
+    ("signals", "lengths", "told"),
+    [
+        ({"x": [[HUGE]]}, None, "no array of numbers"),
+        ({"x": [[1 + 2j]]}, None, "no array of numbers"),
+        ({"x": np.array([["2026-01-01"]], dtype="datetime64[D]")}, None, "no array of numbers"),
+        ({"x": np.array([[1]], dtype="timedelta64[s]")}, None, "no array of numbers"),
+        ({"x": np.ma.masked_greater([[1.0, 9.0]], 5)}, None, "holds masked numbers"),
+        ({"x": [np.ma.masked_greater([1.0, 9.0], 5)]}, None, "holds masked numbers"),
+        ({0: [[1.0]]}, None, "known: 0"),
+        ({"x": np.empty((0, 3))}, [2], r"lengths has shape \(1,\)"),
+    ],
+)
+def test_signals_and_lengths_that_only_python_can_pass(signals, lengths, told):
+    with pytest.raises(TraceError, match=told):
+        parse_spec("G x < 1").robustness(signals, lengths)
+
+
+def test_what_looks_like_floats_is_read():
+    spec = parse_spec("G x < 1")
+    for given in (np.array([[0, -1]], dtype=object), np.array([[False]]), np.ma.array([[0.0]]), np.float32([[0]])):
+        assert spec.robustness({"x": given}) == [1]
+    assert spec.robustness({"x": np.empty((0, 3))}, []).shape == (0,)
+
+
+@pytest.mark.parametrize("given", [{"c": HUGE}, {"c": np.True_}, {"c": {1}}, {1: 2}, 5])
+def test_constants_that_only_python_can_pass(given):
+    with pytest.raises(SpecError, match=r"<spec>:1:7: .*override"):
+        parse_spec("const c = 1\nsignal x\nspec: x < c", given)
+    with pytest.raises(SpecError, match=r"<spec>:1:7: .*override"):
+        parse_spec("const c = (1, 2)\nsignal x\nspec: x < c.x", given)
+
+
+@pytest.mark.parametrize("text", [None, b"x < 1"])
+def test_what_is_no_text(text):
+    with pytest.raises(TypeError, match="a spec's text is a str, not"):
+        parse_spec(text)
+
+
+@pytest.mark.parametrize("text", ["signal x[{}]\nspec: x < 1", "signal x[2]\nspec: x[{}] < 1", "G[0,{}] x < 1"])
+def test_numbers_of_thousands_of_digits(text):
+    with pytest.raises(SpecError):
+        parse_spec(text.format("9" * 5000))
 
 
 def test_errors_travel_between_processes():

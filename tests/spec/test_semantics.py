@@ -1,5 +1,6 @@
 """The evaluator against the definition, and the laws that follow from the definition."""
 
+import time
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -9,7 +10,7 @@ from hypothesis import strategies as st
 from oracle import robustness
 from strategies import batches, comparisons, formulas
 
-from tltlrl.spec import parse_spec
+from tltlrl.spec import TraceError, parse_spec, scans
 from tltlrl.spec import syntax as s
 
 DECLARED = "signal x\nsignal y\nsignal z\nsignal w\nspec: "
@@ -70,6 +71,40 @@ def test_explanations_name_what_decides(f, batch):
         assert predicate.robustness_over_time(signals, lengths)[row, why.step] == why.margin
         line = spec.text.split("\n")[why.line - 1]
         assert line[why.column - 1 :].replace("(", "").startswith(why.predicate.split()[0].replace("(", ""))
+
+
+@pytest.mark.parametrize(
+    ("text", "predicate", "name", "line"),
+    [
+        ("const a = 1\nconst b = 1\ndef low: x < a\ndef high: x < b\nspec: F high", "x < b", "high", 5),
+        ("def unused: x < 1\nspec: F x < 1", "x < 1", None, 3),
+        ("def a: x < 1 & x < 2\ndef b: x < 1\nspec: a", "x < 1", "a", 2),
+        ("def a: x < 1\ndef b: a\nspec: x < 2 & b", "x < 1", "a", 2),
+        ("def a: !(x < 1)\nspec: !a", "x < 1", "a", 2),
+        ("def unused: x < 1 & x < 2\nspec: x < 1 & x < 2", "x < 1", None, 3),
+    ],
+)
+def test_of_equal_predicates_the_one_on_the_way_is_named(text, predicate, name, line):
+    (why,) = parse_spec(f"signal x\n{text}").explain({"x": [[0.25]]})
+    assert (why.predicate, why.name, why.line) == (predicate, name, line)
+
+
+def test_an_expression_without_a_value_is_told_where_the_formula_has_it():
+    spec = parse_spec("signal x\ndef unused: 1 / x < 1\nspec: F 1 / x < 2")
+    for evaluate in (spec.robustness, spec.robustness_over_time, spec.explain):
+        with pytest.raises(TraceError, match=r"<spec>:3:9: '1 / x' has no finite value"):
+            evaluate({"x": [[0.0]]})
+    with pytest.raises(TraceError, match=r"<spec>:2:13: '1 / x' has no finite value"):
+        parse_spec("signal x\ndef unused: 1 / x < 1\nspec: x < 2").explain({"x": [[0.0]]})
+
+
+def test_explaining_a_truncated_operand_takes_no_cubic_time():
+    x = np.ones((1, 700))
+    x[0, 600], y = 0.0, np.linspace(2, 0.5, 700)[None]
+    start = time.perf_counter()
+    (why,) = parse_spec("(F x < 0.5) U y < 1").explain({"x": x, "y": y})
+    assert (why.predicate, why.step) == ("y < 1", 601)
+    assert time.perf_counter() - start < 3
 
 
 G, F, N, U, R, W, T = s.Always, s.Eventually, s.Not, s.Until, s.Release, s.WeakUntil, s.Then
@@ -152,6 +187,16 @@ def test_long_trajectories(steps, count):
     for text, expected in [("(x > 0) U (y > 0)", until), ("(x > 0) T (y > 0)", then)]:
         assert np.array_equal(parse_spec(text).robustness({"x": x, "y": y}), expected[:, 0])
     assert np.array_equal(value("G F x > 0"), np.repeat(x[:, -1:], steps, axis=1))
+
+
+@pytest.mark.parametrize("narrow", [0, 4096])
+def test_windows_by_blocks_and_by_doubling(narrow, monkeypatch):
+    monkeypatch.setattr(scans, "_NARROW", narrow)
+    x = np.random.default_rng(0).normal(size=(3, 40))
+    for size in range(1, 41):
+        views = np.lib.stride_tricks.sliding_window_view(x, size, axis=1)
+        assert np.array_equal(scans.windows(np.minimum, x, size), views.min(axis=2))
+        assert np.array_equal(scans.windows(np.maximum, x, size), views.max(axis=2))
 
 
 @settings(deadline=None, max_examples=100)

@@ -4,12 +4,17 @@ overrides, and in a bare formula the signals that its names stand for."""
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from numbers import Real
+from typing import TypeGuard
+
+import numpy as np
 
 from tltlrl.spec import syntax
-from tltlrl.spec.errors import Source, Span, SpecError, did_you_mean
+from tltlrl.spec.errors import Source, Span, SpecError, did_you_mean, elsewhere
 from tltlrl.spec.syntax import Node
 
 Value = float | tuple[float, ...]
+MAX_DIMENSION = 1000  # of a signal: each component is a node of its own
 
 # name -> fewest and most arguments
 FUNCTIONS = {
@@ -32,7 +37,7 @@ class Declarations:
     """The names of a document, before any formula is read.
 
     `names` are all that it declares, `families` the labels of those that have members, `document` is the one given
-    with the effective constants in place. `is_bare` says that it is a formula alone, whose names are signals.
+    with the effective constants in place. `is_bare` says that it declares nothing, so that its names are signals.
     """
 
     names: tuple[str, ...]
@@ -44,7 +49,7 @@ class Declarations:
     is_bare: bool
 
 
-def declare(source: Source, document: syntax.Document, overrides: Mapping[str, object]) -> Declarations:
+def declare(source: Source, document: syntax.Document, overrides: Mapping[str, object] | None) -> Declarations:
     """Read the declarations and override constants. Raises SpecError."""
     names, labels = _names(source, document)
     families = {name: tuple(found) for name, found in labels.items()}
@@ -53,10 +58,12 @@ def declare(source: Source, document: syntax.Document, overrides: Mapping[str, o
             check_binding(source, d.span, d.variable, d.labels, names)
     own = [d for d in document.declarations if isinstance(d, syntax.Signal)]
     signals, spans = {d.name: d.dimension for d in own}, {d.name: d.span for d in own}
-    is_bare = not document.declarations and document.formula.span == document.span
+    is_bare = not document.declarations
     if is_bare:
         signals, spans = _inferred_signals(document.formula)
-    constants = _effective_constants(source, document, families, overrides)
+        for name in sorted({"true", "false", "inf"} & signals.keys()):
+            raise SpecError(source, spans[name], f"found '{name}'; expected the name of a signal; {elsewhere(name)}")
+    constants = _effective_constants(source, document, families, {} if overrides is None else overrides)
     return Declarations(names, signals, spans, families, constants, _with_constants(document, constants), is_bare)
 
 
@@ -105,9 +112,11 @@ def _names(source: Source, document: syntax.Document) -> tuple[tuple[str, ...], 
                     d.span,
                     f"the value of '{d.name}' is too large for a float; expected a finite number; write one",
                 )
-        if isinstance(d, syntax.Signal) and d.dimension is not None and d.dimension < 1:
+        if isinstance(d, syntax.Signal) and d.dimension is not None and not 1 <= d.dimension <= MAX_DIMENSION:
             raise SpecError(
-                source, d.span, "found no dimension; expected a whole number from 1 on; write for instance ee[2]"
+                source,
+                d.span,
+                f"this is no dimension; expected a whole number from 1 to {MAX_DIMENSION}; write for instance ee[2]",
             )
         if isinstance(d, syntax.Definition) and d.variable:
             labels[d.name] = list(d.labels)
@@ -161,6 +170,13 @@ def _effective_constants(
 ) -> dict[str, Value | dict[str, Value]]:
     own = [d for d in document.declarations if isinstance(d, syntax.Constant)]
     names = list(dict.fromkeys(d.name for d in own))
+    if not isinstance(overrides, Mapping):
+        raise SpecError(
+            source,
+            own[0].span if own else document.span,
+            f"the overrides are of type {type(overrides).__name__}; expected a mapping from constant to value; "
+            "pass for instance {'goal_radius': 0.3}",
+        )
     for name in overrides:
         if name not in names:
             span = own[0].span if own else document.span
@@ -178,7 +194,7 @@ def _effective_constants(
                 raise SpecError(
                     source,
                     d.span,
-                    f"'{name}' is a family of constants, and its override is {given!r}; "
+                    f"'{name}' is a family of constants, and its override is {_shown(given)}; "
                     f"expected a mapping, such as {{'{first}': {syntax.value_text(d.value)}}}; write one",
                 )
             for label in given:
@@ -204,28 +220,38 @@ def _effective_constants(
 
 def _value(source: Source, d: syntax.Constant, given: object) -> Value:
     """An override as floats, of the same dimension as the value it replaces."""
+    plain = given.tolist() if isinstance(given, np.ndarray) else given
+    if isinstance(d.value, tuple):
+        if isinstance(plain, list | tuple) and len(plain) == len(d.value) and all(map(_is_number, plain)):
+            return tuple(map(float, plain))
+    elif _is_number(plain):
+        return float(plain)
     what = d.name if d.label is None else f"{d.name}[{d.label}]"
     expected = f"a vector of {len(d.value)} numbers" if isinstance(d.value, tuple) else "a number"
+    advice = "correct the override"
+    if isinstance(d.value, tuple) and isinstance(given, Mapping):
+        components = ",".join(map(syntax.number_text, d.value))
+        advice = f"give all of it at once, as {d.name if d.label is None else f'{d.name}.{d.label}'}=[{components}]"
+    raise SpecError(
+        source,
+        d.span,
+        f"the override of '{what}' is {_shown(given)}; expected {expected}, finite, as the spec's own value; {advice}",
+    )
+
+
+def _is_number(given: object) -> TypeGuard[float]:
+    """Whether it is a finite real number; a truth value is none."""
     try:
-        if isinstance(given, str | bytes | bool):
-            raise TypeError
-        value: Value
-        if isinstance(d.value, tuple):
-            value = tuple(float(v) for v in given)  # type: ignore[attr-defined]
-            fits = len(value) == len(d.value) and all(map(math.isfinite, value))
-        else:
-            value = float(given)  # type: ignore[arg-type]
-            fits = math.isfinite(value)
-    except (TypeError, ValueError, OverflowError):
-        fits = False
-    if not fits:
-        raise SpecError(
-            source,
-            d.span,
-            f"the override of '{what}' is {given!r}; expected {expected}, finite, as the spec's own "
-            f"value; correct the override",
-        )
-    return value
+        return not isinstance(given, bool) and isinstance(given, Real) and math.isfinite(given)
+    except OverflowError:  # an integer beyond the floats
+        return False
+
+
+def _shown(given: object) -> str:
+    try:
+        return repr(given)
+    except ValueError:  # Python writes no integers of thousands of digits
+        return "a number of thousands of digits"
 
 
 def _with_constants(document: syntax.Document, constants: Mapping[str, Value | dict[str, Value]]) -> syntax.Document:

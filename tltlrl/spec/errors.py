@@ -69,10 +69,38 @@ class TraceError(_PointingError):
     """Signals that a spec cannot be evaluated on; points to the place in the spec that needs them."""
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str:
+# What other languages and logics call it -> what is written here.
+_WRITTEN = {
+    **dict.fromkeys(("always", "globally"), "G"),
+    **dict.fromkeys(("eventually", "finally"), "F"),
+    "next": "X",
+    "until": "U",
+    "release": "R",
+    "then": "T",
+    "implies": "=>",
+    "iff": "<=>",
+    "and": "&",
+    "or": "|",
+    "not": "!",
+}
+
+
+def elsewhere(word: str) -> str | None:
+    """Advice for a word that means something in other languages, but nothing here; None for any other word."""
+    word = word.lower()
+    if word in _WRITTEN:
+        return f"'{word}' is written {_WRITTEN[word]}"
+    if word in {"true", "false"}:
+        return "there are no truth values, every formula has a margin: leave it out or write a comparison"
+    if word in {"inf", "infinity"}:
+        return "there is no infinity: for a window without an end leave the interval out, as in G (x < 1)"
+    return None
+
+
+def did_you_mean(name: object, known: Iterable[object]) -> str:
     """Advice that ends a message about an unknown name: the nearest known name, else all of them."""
-    names = list(known)
-    near = get_close_matches(name, names, n=1, cutoff=0.6)
+    names = list(map(str, known))
+    near = get_close_matches(str(name), names, n=1, cutoff=0.6)
     if near:
         return f"did you mean '{near[0]}'?"
     if not names:

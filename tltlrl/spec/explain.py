@@ -1,13 +1,12 @@
 """Which predicate, at which step, decides a robustness value."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
-from tltlrl.spec.graph import Array, Op
-from tltlrl.spec.resolve import Meaning
+from tltlrl.spec.graph import Array
+from tltlrl.spec.resolve import Meaning, Truth
 from tltlrl.spec.semantics import Signals, Values, plan
 
 
@@ -38,101 +37,114 @@ class Explanation:
         """Robustness above zero. At exactly zero neither the formula nor its negation is robustly true."""
         return self.value > 0
 
-    def __str__(self) -> str:
-        verdict = "satisfied" if self.value > 0 else "violated" if self.value < 0 else "undecided"
+    @property
+    def verdict(self) -> str:
+        """`satisfied`, `violated`, or `undecided` at exactly zero."""
+        return "satisfied" if self.value > 0 else "violated" if self.value < 0 else "undecided"
+
+    @property
+    def decided_by(self) -> str:
+        """How it was decided: `at step 3 by x < 1 in low, margin +0.2`."""
         if self.predicate is None:
-            return f"{verdict}, robustness {self.value:+g}: decided by the end of the trajectory, step {self.step}"
+            return f"by the end of the trajectory, step {self.step}"
         part = f" in {self.name}" if self.name else ""
         atom = f"!({self.predicate})" if self.negated else self.predicate
-        return (
-            f"{verdict}, robustness {self.value:+.6g}: decided at step {self.step} by {atom}{part}, "
-            f"margin {self.margin:+.6g} ({self.source}:{self.line}:{self.column})"
-        )
+        return f"at step {self.step} by {atom}{part}, margin {self.margin:+.6g}"
+
+    @property
+    def place(self) -> str:
+        """Where the predicate stands, `file:line:column`; the file alone when the end decides."""
+        return self.source if self.line is None else f"{self.source}:{self.line}:{self.column}"
+
+    def __str__(self) -> str:
+        return f"{self.verdict}, robustness {self.value:+.6g}: decided {self.decided_by} ({self.place})"
 
 
 def explain(meaning: Meaning, source: str, signals: Signals) -> Explanation:
     """Explain one trajectory: `signals` hold (1, T) arrays."""
-    graph = meaning.graph
     end = next(iter(signals.values())).shape[1]
-    titles: dict[int, str] = {}
-    for title, (node, _) in meaning.definitions.items():
-        titles.setdefault(node, title)
-    nodes = _formulas(meaning, [meaning.root, *titles])
 
-    @cache
-    def suffixes(stop: int) -> Values:
-        """The value of every formula on every slice [t, stop)."""
+    def suffixes(stop: int, *formulas: Truth) -> Values:
+        """The value of these formulas, and of all below them, on every slice [t, stop)."""
         cut = {key: array[:, :stop] for key, array in signals.items()}
-        return {n: v[0] for n, v in plan(graph, dict.fromkeys(nodes, (0, stop)), stop).run(cut).items()}
+        wanted = dict.fromkeys(_nodes(formulas), (0, stop))
+        return {node: array[0] for node, array in plan(meaning.graph, wanted, stop).run(cut).items()}
 
-    node, t, stop, negated, name = meaning.root, 0, end, False, None
-    definitions = {title: float(suffixes(end)[n][0]) for title, (n, _) in meaning.definitions.items()}
-    value = float(suffixes(end)[node][0])
+    named = {title: truth for title, (truth, _) in meaning.definitions.items()}
+    values = suffixes(end, meaning.formula, *named.values())
+    # Adding 0.0 makes +0.0 of the -0.0 that a negation leaves.
+    definitions = {title: float(values[truth.node][0]) + 0.0 for title, truth in named.items()}
+    value = float(values[meaning.root][0]) + 0.0
+    formula, t, stop, negated, name = meaning.formula, 0, end, False, None
     while True:
-        name = titles.get(node, name)
-        if node in meaning.predicates:
-            found = meaning.predicates[node]
-            margin = float(suffixes(stop)[node][t])
-            line, column = found.span.line, found.span.column
-            return Explanation(value, found.text, name, source, line, column, t, margin, negated, definitions)
-        negated ^= graph.ops[node].name == "negative"
-        step = _step(graph.ops[node], suffixes(stop)[node][t], t, stop, suffixes)
+        name = formula.name or name
+        if formula.predicate is not None:
+            margin = float(values[formula.node][t]) + 0.0
+            text, span = formula.predicate.text, formula.predicate.span
+            return Explanation(value, text, name, source, span.line, span.column, t, margin, negated, definitions)
+        negated ^= formula.operation == "negative"
+        step = _step(formula, t, stop, values, suffixes)
         if step is None:
             return Explanation(value, None, None, source, None, None, stop - 1, None, negated, definitions)
-        node, t, stop = step
+        formula, t, cut = step
+        if cut < stop:
+            values, stop = suffixes(cut, formula), cut
 
 
-def _formulas(meaning: Meaning, roots: list[int]) -> list[int]:
-    """The formulas among the nodes that the roots depend on: down to predicates, not into their
-    arithmetic."""
-    found: set[int] = set()
-    while roots:
-        node = roots.pop()
-        if node not in found:
-            found.add(node)
-            roots.extend(() if node in meaning.predicates else meaning.graph.ops[node].args)
-    return sorted(found)
+def _nodes(formulas: Iterable[Truth]) -> list[int]:
+    """The nodes of these formulas and of all below them: down to predicates, not into their arithmetic."""
+    found: dict[Truth, int] = {}
+    stack = list(formulas)
+    while stack:
+        formula = stack.pop()
+        if formula not in found:
+            found[formula] = formula.node
+            stack.extend(formula.parts)
+    return sorted(set(found.values()))
 
 
-def _step(op: Op, value: float, t: int, stop: int, suffixes: Callable[[int], Values]) -> tuple[int, int, int] | None:
-    """The argument, its step and the end of its slice that give an operation its value at t on [t, stop).
+def _step(
+    formula: Truth, t: int, stop: int, values: Values, suffixes: Callable[[int, Truth], Values]
+) -> tuple[Truth, int, int] | None:
+    """The part, its step and the end of its slice that give a formula its value at t on [t, stop).
 
-    None when there is none: the end of the trajectory decides.
+    `values` are those of the slices that end at `stop`, `suffixes` computes those that end earlier. None when there
+    is none: the end of the trajectory decides.
     """
-    values = suffixes(stop)
-    match op.name, op.data:
+    value = values[formula.node][t]
+    match formula.operation, formula.data:
         case "negative", _:
-            return op.args[0], t, stop
+            return formula.parts[0], t, stop
         case (("minimum" | "maximum"), _):
-            return next(a for a in op.args if values[a][t] == value), t, stop
+            return next(part for part in formula.parts if values[part.node][t] == value), t, stop
         case "next", (int(k), _):
-            return (op.args[0], t + k, stop) if t + k < stop else None
+            return (formula.parts[0], t + k, stop) if t + k < stop else None
         case (("always" | "eventually"), (window,)):
             low, high = window if isinstance(window, tuple) else (0, stop)
-            seen = values[op.args[0]][t + low : min(t + high + 1, stop)]
-            return (op.args[0], t + low + _first(seen, value), stop) if len(seen) else None
+            seen = values[formula.parts[0].node][t + low : min(t + high + 1, stop)]
+            return (formula.parts[0], t + low + _first(seen, value), stop) if len(seen) else None
         case (("until" | "then"), (window, bool(truncated))):
             low, high = window if isinstance(window, tuple) else (0, stop)
-            p, q = op.args
-            fold, empty = (np.minimum, np.inf) if op.name == "until" else (np.maximum, -np.inf)
+            p, q = formula.parts
+            fold, empty = (np.minimum, np.inf) if formula.operation == "until" else (np.maximum, -np.inf)
             if truncated:
-                lefts = ((suffixes(e)[p][t:] if e > t else values[p][:0]) for e in range(t, stop))
-                held = np.array([fold.reduce(left, initial=empty) for left in lefts])
+                lefts = (suffixes(e, p)[p.node][t:] for e in range(t + 1, stop))
+                held = np.array([empty, *(fold.reduce(left) for left in lefts)])
             else:
-                held = np.concatenate(([empty], fold.accumulate(values[p][t : stop - 1])))
+                held = np.concatenate(([empty], fold.accumulate(values[p.node][t : stop - 1])))
             ends = np.arange(t, stop)
-            reached = np.minimum(values[q][t:stop], held) == value
+            reached = np.minimum(values[q.node][t:stop], held) == value
             matches = ends[reached & (ends >= t + low) & (ends <= t + high)]
             if not len(matches):
                 return None
             e = int(matches[0])
-            if values[q][e] == value:
+            if values[q.node][e] == value:
                 return q, e, stop
             if e == t:
                 return None
-            before = (suffixes(e) if truncated else values)[p][t:e]
+            before = (suffixes(e, p) if truncated else values)[p.node][t:e]
             return p, t + _first(before, value), e if truncated else stop
-    raise TypeError(f"{op.name} is no formula")
+    raise TypeError(f"{formula.operation} is no formula")
 
 
 def _first(seen: Array, value: float) -> int:

@@ -7,7 +7,7 @@ from pathlib import Path
 from lark import Lark, Token, Transformer, UnexpectedCharacters, UnexpectedInput, UnexpectedToken, v_args
 
 from tltlrl.spec import syntax
-from tltlrl.spec.errors import Source, Span, SpecError
+from tltlrl.spec.errors import Source, Span, SpecError, elsewhere
 from tltlrl.spec.syntax import Node
 
 # Every later pass recurses over one definition's tree at a time, so this bounds its use of Python's stack.
@@ -33,7 +33,10 @@ _OPERATORS = {
     "ALWAYS": "is the operator 'always'",
     "EVENTUALLY": "is the operator 'eventually'",
 }
-_DECLARATIONS = {"SIGNAL", "CONST", "LET", "DEF", "SPEC"}
+_DECLARATIONS = {name.upper(): name for name in ("signal", "const", "let", "def", "spec")}
+_ARITHMETIC = {"PLUS", "MINUS", "STAR", "SLASH", "POWER"}
+_NO_EQUALITY = "a formula has no equality, its robustness would never be positive; write abs(a - b) < tolerance"
+_LITERAL = "a constant is a number or a vector of numbers, as 0.2 or (1.5, -2); name anything else with 'let'"
 
 
 def span_of(token: Token) -> Span:
@@ -65,8 +68,9 @@ class _TreeBuilder(Transformer[Token, object]):
     def signal(self, _: Token, name: Token, *bracket: Token) -> Node:
         span = span_of(name).to(span_of(bracket[-1] if bracket else name))
         dimension = None
-        if bracket:  # `signal x[2.5]` becomes a dimension of 0, which tltlrl.spec.resolve refuses.
-            dimension = int(bracket[1]) if bracket[1].isdecimal() else 0
+        if bracket:
+            # tltlrl.spec.declarations refuses 0, which stands for `signal x[2.5]`, and all numbers of five digits.
+            dimension = int(bracket[1].lstrip("0")[:5] or 0) if bracket[1].isdecimal() else 0
         return syntax.Signal(str(name), dimension, span=span)
 
     def constant(self, _: Token, name: Token, *rest: object) -> Node:
@@ -207,8 +211,12 @@ def _grammar() -> Lark:
 
 def parse(source: Source) -> syntax.Document:
     """Read a spec's text. Raises SpecError at the first thing that is no TLTL."""
-    if not source.text.strip():
-        raise SpecError(source, Span(), "the text is empty; a spec needs a formula; write one, such as G (x < 1)")
+    code = _without_comments(source.text).rstrip()
+    if not code:
+        found = "the text is empty" if not source.text.strip() else "the text holds comments only"
+        raise SpecError(source, Span(), f"{found}; a spec needs a formula; write one, such as G (x < 1)")
+    if code.endswith(".tltl"):
+        raise SpecError(source, Span(), "this is a path; expected the text of a spec; load_spec reads one from a file")
     try:
         document = _grammar().parse(source.text)
     except UnexpectedInput as mistake:
@@ -235,18 +243,23 @@ def _explain(source: Source, mistake: UnexpectedInput) -> SpecError:
         span = Span(mistake.line, mistake.column, mistake.line, mistake.column + 1)
         return SpecError(source, span, _unknown_character(mistake.char))
     assert isinstance(mistake, UnexpectedToken)
-    token, accepts = mistake.token, mistake.accepts or mistake.expected
+    token, accepts = mistake.token, set(mistake.accepts or mistake.expected)
+    code = _without_comments(source.text)
     if token.type == "$END":
-        lines = source.text.rstrip().split("\n")
-        span, found = (
-            Span(len(lines), len(lines[-1]) + 1, len(lines), len(lines[-1]) + 2),
-            "the text ends here",
+        lines = code.rstrip().split("\n")
+        end = len(lines[-1]) + 1
+        return SpecError(
+            source,
+            Span(len(lines), end, len(lines), end + 1),
+            f"the text ends here; {_expected(token, accepts, code, '')}",
         )
-    else:
-        span, found = span_of(token), f"found '{token}'"
-    before = re.search(r"(\w+|\S)?\s*$", source.text[: token.start_pos or 0])
-    assert before is not None
-    return SpecError(source, span, f"{found}; {_expected(token, set(accepts), before[1] or '')}")
+    before, after = code[: token.start_pos], code[token.end_pos :]
+    return SpecError(source, span_of(token), f"found '{token}'; {_expected(token, accepts, before, after)}")
+
+
+def _without_comments(text: str) -> str:
+    """The text with blanks in the place of comments."""
+    return re.sub(r"#[^\n]*", lambda comment: " " * len(comment[0]), text)
 
 
 def _unknown_character(char: str) -> str:
@@ -259,14 +272,23 @@ def _unknown_character(char: str) -> str:
         '"': "names are written without quotes",
         "'": "names are written without quotes",
         "%": "comments begin with #",
+        "≠": _NO_EQUALITY,
+        "∞": elsewhere("inf") or "",
         "@": "names hold letters, digits and _",
         "$": "names hold letters, digits and _",
     }.get(char, "see the operator table in docs/spec-language.md")
     return f"found the character {char!r}; it has no meaning in a spec; {advice}"
 
 
-def _expected(token: Token, accepts: set[str], before: str) -> str:
-    """What could stand where `token` does, after the text `before`, and what its writer probably meant."""
+def _expected(token: Token, accepts: set[str], text: str, after: str) -> str:
+    """What could stand where `token` does, between two parts of the text, and what its writer probably meant."""
+    before = re.findall(r"\w+$|\S$|$", text.rstrip()[-100:])[0]
+    keywords = _DECLARATIONS.values()
+    within = ["", *re.findall(rf"\b(?:{'|'.join(keywords)})\b", text)][-1]
+    if token.type in {"NAME", "COLON"}:
+        for word in (str(token), before):
+            if word not in keywords and word.lower() in keywords:
+                return f"expected a declaration or a formula; did you mean '{word.lower()}'?"
     if accepts == {"NAME"}:
         if before == ".":
             return "expected a component after the dot; write .x, .y or .z, or an index in brackets, as in ee[0]"
@@ -277,7 +299,13 @@ def _expected(token: Token, accepts: set[str], before: str) -> str:
             )
         return "expected a name; names begin with a letter"
     if {"LPAR", "NUMBER"} <= accepts and "NAME" not in accepts:
-        return "a constant is a number or a vector of numbers, as 0.2 or (1.5, -2); name anything else with 'let'"
+        return _LITERAL
+    if accepts == {"NUMBER"} and within == "signal":
+        return "expected a dimension, a whole number; write for instance ee[2]"
+    if accepts <= {"NUMBER", "MINUS"}:
+        if token.type == "RPAR":
+            return "expected a number; a vector has two numbers or more, and one number stands without parentheses"
+        return f"expected a finite number; {_LITERAL}"
     if "NAME" in accepts and "LPAR" in accepts:
         if token.type in _DECLARATIONS:
             return f"expected a formula or a number; complete what stands before '{token}'"
@@ -293,7 +321,9 @@ def _expected(token: Token, accepts: set[str], before: str) -> str:
     if token.type == "ASSIGN":
         if "COLON" in accepts:
             return "expected ':'; a sub-formula is named by 'def name: formula', a number by 'let name = expression'"
-        return "a formula has no equality, its robustness would never be positive; write abs(a - b) < tolerance"
+        return _NO_EQUALITY
+    if token.type == "NOT" and after.startswith("="):
+        return _NO_EQUALITY
     if token.type == "COLON" and "ASSIGN" in accepts:
         return "expected '='; a number is named by 'let name = expression', a formula by 'def name: formula'"
     if accepts & {"NUMBER", "NAME"} and not accepts & {"LPAR"}:
@@ -317,16 +347,22 @@ def _expected(token: Token, accepts: set[str], before: str) -> str:
         if token.type in {"LESS", "GREATER"}:
             return f"expected a logical operator{marks}; a comparison has numbers on both sides, group with ( )"
         if token.type in {"NAME", "NUMBER", "LPAR", "NOT"} or token.type in _OPERATORS:
+            if advice := (token.type == "NAME" and elsewhere(str(token))) or elsewhere(before):
+                return f"expected an operator{marks}; {advice}"
             if token.type in _DECLARATIONS and missing:
                 return f"expected '{missing[0][1]}'; close what is open before the next declaration"
             return f"expected an operator{marks}; join the two parts, for instance with & or |"
-        if token.type in {"PLUS", "STAR", "SLASH", "POWER", "DOT"}:
+        if token.type in {*_ARITHMETIC, "DOT"}:
             return f"expected a logical operator{marks}; arithmetic works on numbers only"
         return f"expected an operator{marks} or the end; delete it or close what was opened"
     if token.type == "RPAR" and accepts == {"COMMA"}:
         return "expected ','; a vector has two numbers or more, and one number stands without parentheses"
     if missing:
         return f"expected {' or '.join(repr(mark) for _, mark in missing)}; write it here"
+    if "SPEC" in accepts and within == "const" and token.type in {*_ARITHMETIC, "COMMA"}:
+        return f"expected the next declaration; {_LITERAL}"
+    if "SPEC" in accepts and token.type == "COMMA":
+        return f"expected the next declaration; each name has one of its own: write '{within}' in place of the comma"
     if "SPEC" in accepts:
         return (
             "expected a declaration (signal, const, let, def) or the formula, 'spec: ...'; "

@@ -4,13 +4,13 @@ told."""
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
 from tltlrl.spec import syntax
 from tltlrl.spec.declarations import FUNCTIONS, Declarations, Value, check_binding, declare
-from tltlrl.spec.errors import Source, Span, SpecError, did_you_mean
+from tltlrl.spec.errors import Source, Span, SpecError, did_you_mean, elsewhere
 from tltlrl.spec.graph import Graph
 from tltlrl.spec.shortcut import at_start
 from tltlrl.spec.syntax import Node
@@ -28,18 +28,26 @@ class Quantity:
 
 
 @dataclass(frozen=True, slots=True)
-class Truth:
-    """A formula, as its graph node."""
-
-    node: int
-
-
-@dataclass(frozen=True, slots=True)
 class Predicate:
-    """An atomic formula: its text and its place."""
+    """An atomic formula, or an expression that can fail: its text and its place."""
 
     text: str
     span: Span
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Truth:
+    """A formula as it was written: an operation (see tltlrl.spec.graph.Op) on formulas, or a predicate.
+
+    Equal formulas share one graph node, but each is a Truth of its own, that knows its name and place.
+    """
+
+    node: int
+    operation: str = ""
+    parts: tuple["Truth", ...] = ()
+    data: tuple[object, ...] = ()
+    predicate: Predicate | None = None
+    name: str | None = None  # of the named sub-formula that it is
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,20 +75,20 @@ class Meaning:
 
     document: syntax.Document  # with the effective constants
     graph: Graph
-    root: int
+    formula: Truth
+    root: int  # its node
     start: int  # a node of the same value at the first sample
     signals: dict[str, int | None]
     signal_spans: dict[str, Span]
     constants: dict[str, Value | dict[str, Value]]
-    definitions: dict[str, tuple[int, str]]  # named sub-formulas in order: node, text
-    predicates: dict[int, Predicate]
-    places: dict[int, Predicate]  # arithmetic nodes that can fail: text and place
+    definitions: dict[str, tuple[Truth, str]]  # named sub-formulas in order, with their text
+    places: dict[int, Predicate]  # of arithmetic nodes that can fail
     regions: tuple[Region, ...]
 
 
 def resolve(source: Source, document: syntax.Document, overrides: Mapping[str, object] | None) -> Meaning:
     """Settle every name. Raises SpecError."""
-    return _Resolver(source, declare(source, document, overrides or {})).meaning()
+    return _Resolver(source, declare(source, document, overrides)).meaning()
 
 
 class _Resolver:
@@ -91,7 +99,6 @@ class _Resolver:
         self.declared = declared
         self.graph = Graph()
         self.results: dict[tuple[str, str | None], Quantity | Truth] = {}
-        self.predicates: dict[int, Predicate] = {}
         self.places: dict[int, Predicate] = {}
         self.regions: list[Region] = []
         self.distances: dict[int, tuple[Node, tuple[float, ...]]] = {}  # of a point from a fixed one
@@ -109,14 +116,16 @@ class _Resolver:
         for name, constant in self.declared.constants.items():
             for label, value in constant.items() if isinstance(constant, dict) else [(None, constant)]:
                 self.results[name, label] = self._number(value)
-        for name in self._order(definitions):
-            d = definitions[name]
-            for label in d.labels or (None,):
-                self._define(d, label)
-        self.within = None
-        root = self.truth(self.declared.document.formula, {}).node
+        ordered, used = self._order(definitions)
+        for name in ordered:
+            if name in used:
+                self._define(definitions[name])
+        formula = self.truth(self.declared.document.formula, {})
+        for name in ordered:
+            if name not in used:  # last, for equal expressions have the place where the first one stands
+                self._define(definitions[name])
         order = [
-            (title, label, result.node, d)
+            (title, label, result, d)
             for name, d in definitions.items()
             for label in d.labels or (None,)
             if isinstance(result := self.results[name, label], Truth)
@@ -126,28 +135,27 @@ class _Resolver:
         return Meaning(
             self.declared.document,
             self.graph,
-            root,
-            at_start(self.graph, root),
+            formula,
+            formula.node,
+            at_start(self.graph, formula.node),
             self.declared.signals,
             self.declared.signal_spans,
             self.declared.constants,
-            {title: (node, _with_labels(d.body, {d.variable: label})) for title, label, node, d in order},
-            self.predicates,
+            {title: (truth, _with_labels(d.body, {d.variable: label})) for title, label, truth, d in order},
             self.places,
             tuple(dict.fromkeys(r for title in titles for r in self.regions if r.name == title)),
         )
 
-    def _order(self, definitions: dict[str, syntax.Definition]) -> list[str]:
-        uses = {
-            name: {
-                node.name
-                for node, _ in syntax.walk(d.body)
-                if isinstance(node, syntax.Name) and node.name in definitions
-            }
-            for name, d in definitions.items()
-        }
+    def _order(self, definitions: dict[str, syntax.Definition]) -> tuple[list[str], set[str]]:
+        """The definitions, each after those it uses, and which of them the spec's formula uses."""
+
+        def named(tree: Node) -> set[str]:
+            names = {node.name for node, _ in syntax.walk(tree) if isinstance(node, syntax.Name)}
+            return names & definitions.keys()
+
+        uses = {name: named(d.body) for name, d in definitions.items()}
         try:
-            return list(TopologicalSorter(uses).static_order())
+            ordered = list(TopologicalSorter(uses).static_order())
         except CycleError as cycle:
             names: list[str] = cycle.args[1][::-1]
             first = next(n for n in definitions if n in names)
@@ -158,15 +166,22 @@ class _Resolver:
                 definitions[first],
                 f"cyclic definition: {circle}; expected each to use others only; break the circle",
             ) from None
+        used = named(self.declared.document.formula)
+        for name in reversed(ordered):
+            if name in used:
+                used |= uses[name]
+        return ordered, used
 
-    def _define(self, d: syntax.Definition, label: str | None) -> None:
-        scope = {d.variable: label} if d.variable and label else {}
-        title = _title(d.name, label)
-        if d.keyword == "let":
-            self.results[d.name, label] = self.quantity(d.body, scope)
-            return
-        self.within = title
-        self.results[d.name, label] = self.truth(d.body, scope)
+    def _define(self, d: syntax.Definition) -> None:
+        for label in d.labels or (None,):
+            scope = {d.variable: label} if d.variable and label else {}
+            if d.keyword == "let":
+                self.results[d.name, label] = self.quantity(d.body, scope)
+                continue
+            self.within = _title(d.name, label)
+            truth = self.truth(d.body, scope)
+            self.results[d.name, label] = truth if truth.name else replace(truth, name=self.within)
+            self.within = None
 
     def _signal(self, name: str) -> Quantity:
         dimension = self.declared.signals[name]
@@ -198,10 +213,9 @@ class _Resolver:
             )
         if node.name in FUNCTIONS:
             raise self.error(node, f"'{node.name}' is a function; expected its arguments; write {node.name}(...)")
-        known = [*self.declared.names, *FUNCTIONS]
-        advice = did_you_mean(node.name, known)
-        if not advice.startswith("did"):
-            advice = f"declare it, for instance with 'signal {node.name}'"
+        near = did_you_mean(node.name, [*self.declared.names, *FUNCTIONS])
+        declare = near if near.startswith("did") else f"declare it, for instance with 'signal {node.name}'"
+        advice = elsewhere(node.name) or declare
         raise self.error(node, f"unknown name '{node.name}'; expected a declared one; {advice}")
 
     def _index(self, node: syntax.Index, scope: Mapping[str, str]) -> Quantity | Truth:
@@ -216,12 +230,13 @@ class _Resolver:
                 )
             return self.results[base.name, label]
         vector = self.vector(base, scope, f"only a vector or a family has a member [{label}]")
-        if not label.isdecimal() or int(label) >= len(vector.components):
+        components = {str(i): component for i, component in enumerate(vector.components)}
+        if label not in components:
             raise self.error(
                 node,
-                f"'{base}' has no component [{label}]; expected 0 to {len(vector.components) - 1}; correct the index",
+                f"'{base}' has no component [{label}]; expected 0 to {len(components) - 1}; correct the index",
             )
-        return Quantity((vector.components[int(label)],))
+        return Quantity((components[label],))
 
     def _component(self, node: syntax.Component, scope: Mapping[str, str]) -> Quantity:
         advice = f"only a vector has a component .{node.axis}"
@@ -260,7 +275,7 @@ class _Resolver:
             case syntax.Call():
                 return self._call(node, scope)
             case _:
-                return Truth(self._formula(node, scope))
+                return self._formula(node, scope)
 
     def quantity(self, node: Node, scope: Mapping[str, str]) -> Quantity:
         result = self.evaluate(node, scope)
@@ -336,7 +351,8 @@ class _Resolver:
         name, arguments = node.function, node.arguments
         if name not in FUNCTIONS:
             what = "is no function" if name in self.declared.names else "unknown function"
-            advice = did_you_mean(name, FUNCTIONS)
+            near = did_you_mean(name, FUNCTIONS)
+            advice = elsewhere(name) or (near if near.startswith("did") else "write it with these")
             raise self.error(node, f"{what}: '{name}'; expected one of {', '.join(FUNCTIONS)}; {advice}")
         fewest, most = FUNCTIONS[name]
         if not fewest <= len(arguments) <= most:
@@ -348,7 +364,7 @@ class _Resolver:
             )
         match name:
             case "ball" | "box":
-                return Truth(self._region(node, scope))
+                return self._region(node, scope)
             case "norm":
                 vector = self.vector(arguments[0], scope, "a norm is taken of a vector, of a scalar use abs(...)")
                 return Quantity((self.fold(node, "norm", *vector.components),))
@@ -387,22 +403,20 @@ class _Resolver:
             )
         return tuple(self.graph.constant(c) for c in value.components)
 
-    def _region(self, node: syntax.Call, scope: Mapping[str, str]) -> int:
+    def _region(self, node: syntax.Call, scope: Mapping[str, str]) -> Truth:
         point, *rest = node.arguments
         if node.function == "ball":
             centre_node, radius_node = rest
             values = self.same((point, centre_node), scope, "a ball and its points lie in one space")
             centre = self._fixed(centre_node, values[1])
-            self.scalar(radius_node, scope)
-            radius = self.quantity(radius_node, scope)
+            radius = Quantity((self.scalar(radius_node, scope),))
             (size,) = self._fixed(radius_node, radius)
             if size <= 0:
                 raise self.error(radius_node, f"the radius is {size:g}; expected a positive number; correct it")
             far = self._distance(node, scope, (point, centre_node))
-            number = self._predicate(node, self.fold(node, "subtract", radius.components[0], far), scope)
             if values[0].dimension is not None:
                 self._remember(point, "ball", True, centre=centre, radius=size)
-            return number
+            return self._predicate(node, self.fold(node, "subtract", radius.components[0], far), scope)
         x, low, high = self.same((point, *rest), scope, "a box and its points lie in one space")
         lower, upper = self._fixed(rest[0], low), self._fixed(rest[1], high)
         for a, b in zip(lower, upper, strict=True):
@@ -433,13 +447,12 @@ class _Resolver:
             raise self.error(node, f"found {_shape(result)}; expected a formula; compare it, as in {node} < 1")
         return result
 
-    def _predicate(self, node: Node, number: int, scope: Mapping[str, str]) -> int:
+    def _predicate(self, node: Node, number: int, scope: Mapping[str, str]) -> Truth:
         if self.graph.ops[number].name == "constant":
             raise self.error(node, f"'{node}' holds no signal, its value never changes; expected a signal; correct it")
-        self.predicates.setdefault(number, Predicate(_with_labels(node, scope), node.span))
-        return number
+        return Truth(number, predicate=Predicate(_with_labels(node, scope), node.span))
 
-    def _comparison(self, node: syntax.Comparison, scope: Mapping[str, str]) -> int:
+    def _comparison(self, node: syntax.Comparison, scope: Mapping[str, str]) -> Truth:
         values = [self.scalar(operand, scope) for operand in node.operands]
         links = []
         for i, operator in enumerate(node.operators):
@@ -454,45 +467,49 @@ class _Resolver:
                 if values[near] in self.distances and self.graph.ops[values[far]].name == "constant":
                     point, centre = self.distances[values[near]]
                     radius = self.graph.constant(values[far])
-                    self._remember(point, "ball", near == small, centre=centre, radius=radius)
-        return self.graph.add("minimum", *links)
+                    if radius > 0:
+                        self._remember(point, "ball", near == small, centre=centre, radius=radius)
+        return links[0] if len(links) == 1 else self._operation("minimum", *links)
 
-    def _formula(self, node: Node, scope: Mapping[str, str]) -> int:
-        def of(child: Node) -> int:
-            return self.truth(child, scope).node
+    def _operation(self, name: str, *parts: Truth, data: tuple[object, ...] = ()) -> Truth:
+        return Truth(self.graph.add(name, *(part.node for part in parts), data=data), name, parts, data)
 
-        add = self.graph.add
+    def _formula(self, node: Node, scope: Mapping[str, str]) -> Truth:
+        def of(child: Node) -> Truth:
+            return self.truth(child, scope)
+
+        op = self._operation
         match node:
             case syntax.Comparison():
                 return self._comparison(node, scope)
             case syntax.Not(p):
-                return add("negative", of(p))
+                return op("negative", of(p))
             case syntax.And(operands):
-                return add("minimum", *map(of, operands))
+                return op("minimum", *map(of, operands))
             case syntax.Or(operands):
-                return add("maximum", *map(of, operands))
+                return op("maximum", *map(of, operands))
             case syntax.Implies(p, q):
-                return add("maximum", add("negative", of(p)), of(q))
+                return op("maximum", op("negative", of(p)), of(q))
             case syntax.Iff(p, q):
                 a, b = of(p), of(q)
-                return add("minimum", add("maximum", add("negative", a), b), add("maximum", add("negative", b), a))
+                return op("minimum", op("maximum", op("negative", a), b), op("maximum", op("negative", b), a))
             case syntax.Next(p, strong):
-                return add("next", of(p), data=(1, strong))
+                return op("next", of(p), data=(1, strong))
             case syntax.Always(p, interval):
-                return add("always", of(p), data=(self._window(interval, scope),))
+                return op("always", of(p), data=(self._window(interval, scope),))
             case syntax.Eventually(p, interval):
-                return add("eventually", of(p), data=(self._window(interval, scope),))
+                return op("eventually", of(p), data=(self._window(interval, scope),))
             case syntax.Until(p, q, interval):
                 return self._until(of(p), of(q), self._window(interval, scope))
             case syntax.Release(p, q, interval):
-                not_p, not_q = add("negative", of(p)), add("negative", of(q))
-                return add("negative", self._until(not_p, not_q, self._window(interval, scope)))
+                not_p, not_q = op("negative", of(p)), op("negative", of(q))
+                return op("negative", self._until(not_p, not_q, self._window(interval, scope)))
             case syntax.WeakUntil(p, q):
                 a, b = of(p), of(q)
-                return add("maximum", self._until(a, b, None), add("always", a, data=(None,)))
+                return op("maximum", self._until(a, b, None), op("always", a, data=(None,)))
             case syntax.Then(p, q):
                 a, b = of(p), of(q)
-                return add("then", a, b, data=(None, not self.graph.pointwise[a]))
+                return op("then", a, b, data=(None, not self.graph.pointwise[a.node]))
             case syntax.ForEach(quantifier, variable, labels, body):
                 check_binding(self.source, node.span, variable, labels, self.declared.names)
                 if variable in scope:
@@ -500,27 +517,27 @@ class _Resolver:
                         node,
                         f"the variable '{variable}' is already bound around this; expected a new name; choose another",
                     )
-                bodies = [self.truth(body, {**scope, variable: label}).node for label in labels]
-                return add("minimum" if quantifier == "all" else "maximum", *bodies)
+                bodies = [self.truth(body, {**scope, variable: label}) for label in labels]
+                return op("minimum" if quantifier == "all" else "maximum", *bodies)
             case _:
                 raise TypeError(f"no meaning for {type(node).__name__}")
 
-    def _until(self, p: int, q: int, window: tuple[int, int] | None) -> int:
+    def _until(self, p: Truth, q: Truth, window: tuple[int, int] | None) -> Truth:
         """U, with a window split off where p holds no temporal operator.
 
         p U[a,b] q = F[a,b] q & G[0,a-1] p & X[!]^a (p U q), in value too: a witness of the last part beyond
         b can be replaced by the one of the first. The left operand must not depend on the witness for this.
         """
-        add = self.graph.add
-        truncated = not self.graph.pointwise[p]
+        op = self._operation
+        truncated = not self.graph.pointwise[p.node]
         if window is None or truncated:
-            return add("until", p, q, data=(window, truncated))
-        until = add("until", p, q, data=(None, False))
-        parts = [add("eventually", q, data=(window,))]
+            return op("until", p, q, data=(window, truncated))
+        until = op("until", p, q, data=(None, False))
+        parts = [op("eventually", q, data=(window,))]
         if window[0] > 0:
-            parts.append(add("always", p, data=((0, window[0] - 1),)))
-            until = add("next", until, data=(window[0], True))
-        return add("minimum", *parts, until)
+            parts.append(op("always", p, data=((0, window[0] - 1),)))
+            until = op("next", until, data=(window[0], True))
+        return op("minimum", *parts, until)
 
     def _window(self, interval: syntax.Interval | None, scope: Mapping[str, str]) -> tuple[int, int] | None:
         if interval is None:

@@ -23,6 +23,7 @@ def at_start(graph: Graph, root: int) -> int:
         if node in reached and op.name in {"minimum", "maximum", "negative"}:
             reached.update(op.args)
     equal: dict[int, int] = {}
+    moved: dict[tuple[str, int], int] = {}
     for node in nodes:
         op = graph.ops[node]
         if node not in reached or graph.pointwise[node]:
@@ -30,7 +31,7 @@ def at_start(graph: Graph, root: int) -> int:
         elif op.name in {"minimum", "maximum", "negative"}:
             equal[node] = graph.add(op.name, *(equal[arg] for arg in op.args))
         elif op.name in _DUAL and op.data == (None,) and graph.pointwise[op.args[0]]:
-            equal[node] = _reduction(graph, op.name, op.args[0], _DEEPEST)
+            equal[node] = _reduction(graph, op.name, op.args[0], _DEEPEST, moved)
         elif (once := _once(graph, node)) is not None:
             equal[node] = graph.add("second", once)
         else:
@@ -53,20 +54,28 @@ def _once(graph: Graph, node: int) -> int | None:
     return None
 
 
-def _reduction(graph: Graph, name: str, node: int, depth: int) -> int:
-    """G or F of a node, moved inwards through what is monotone."""
+def _reduction(graph: Graph, name: str, node: int, depth: int, moved: dict[tuple[str, int], int]) -> int:
+    """G or F of a node, moved inwards through what is monotone; `moved` remembers those that are."""
     op = graph.ops[node]
-    constant = [graph.ops[arg].name == "constant" for arg in op.args]
-    if depth == 0:
-        return graph.add(name, node, data=(None,))
-    if op.name == "negative":
-        return graph.add("negative", _reduction(graph, _DUAL[name], op.args[0], depth - 1))
-    if op.name == _OWN[name]:
-        return graph.add(op.name, *(_reduction(graph, name, arg, depth - 1) for arg in op.args))
-    if op.name == "subtract" and constant[1]:
-        return graph.add("subtract", _reduction(graph, name, op.args[0], depth - 1), op.args[1])
-    if op.name == "subtract" and constant[0]:
-        return graph.add("subtract", op.args[0], _reduction(graph, _DUAL[name], op.args[1], depth - 1))
-    if op.name == "norm":
-        return graph.add("sqrt", graph.add(name, graph.add("squares", *op.args), data=(None,)))
-    return graph.add(name, node, data=(None,))
+
+    def of(arg: int, name: str = name) -> int:
+        return _reduction(graph, name, arg, depth - 1, moved)
+
+    if (name, node) not in moved:
+        constant = [graph.ops[arg].name == "constant" for arg in op.args]
+        if depth == 0:
+            reduction = graph.add(name, node, data=(None,))
+        elif op.name == "negative":
+            reduction = graph.add("negative", of(op.args[0], _DUAL[name]))
+        elif op.name == _OWN[name]:
+            reduction = graph.add(op.name, *map(of, op.args))
+        elif op.name == "subtract" and constant[1]:
+            reduction = graph.add("subtract", of(op.args[0]), op.args[1])
+        elif op.name == "subtract" and constant[0]:
+            reduction = graph.add("subtract", op.args[0], of(op.args[1], _DUAL[name]))
+        elif op.name == "norm":
+            reduction = graph.add("sqrt", graph.add(name, graph.add("squares", *op.args), data=(None,)))
+        else:
+            reduction = graph.add(name, node, data=(None,))
+        moved[name, node] = reduction
+    return moved[name, node]

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
+from numbers import Real
 from pathlib import Path
 from types import MappingProxyType
 
@@ -60,6 +61,8 @@ class Spec:
     """
 
     def __init__(self, text: str, constants: Mapping[str, object] | None, name: str, path: Path | None = None) -> None:
+        if not isinstance(text, str):
+            raise TypeError(f"a spec's text is a str, not {type(text).__name__}; load_spec reads one from a file")
         self.text, self.path = text, path
         self._source = Source(name, text)
         self._meaning: Meaning = resolve(self._source, parse(self._source), constants)
@@ -142,14 +145,15 @@ class Spec:
         """The robustness of each named sub-formula on each suffix: name to (N, T), as
         `robustness_over_time`."""
         batch = _Batch(self._meaning, self._source, signals, lengths)
-        nodes = {name: node for name, (node, _) in self._meaning.definitions.items()}
+        nodes = {name: truth.node for name, (truth, _) in self._meaning.definitions.items()}
         values = self._over_time(batch, tuple(dict.fromkeys(nodes.values())))
         return {name: values[node] for name, node in nodes.items()}
 
     def explain(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> tuple[Explanation, ...]:
         """What decides each trajectory's value: one Explanation each."""
         batch = _Batch(self._meaning, self._source, signals, lengths)
-        self._over_time(batch, (self._meaning.root,))  # finds expressions without a finite value
+        named = (truth.node for truth, _ in self._meaning.definitions.values())
+        self._over_time(batch, tuple({self._meaning.root, *named}))  # finds expressions without a finite value
         return tuple(explain(self._meaning, self._source.name, batch.single(row)) for row in range(batch.count))
 
     def _make_plan(self, roots: tuple[int, ...], end: int, first: bool) -> Plan:
@@ -158,11 +162,12 @@ class Spec:
     def _run(
         self, batch: "_Batch", rows: slice, block: Signals, roots: tuple[int, ...], first: bool
     ) -> dict[int, Array]:
-        ready = self._plan(roots, batch.steps, first)
         try:
-            return ready.run(block)
+            return self._plan(roots, batch.steps, first).run(block)
         except FloatingPointError:
-            raise batch.failure(ready, rows, block) from None
+            # A shortcut's operations stand nowhere in the spec: the place is that in the formula as written.
+            written = (self._meaning.root,) if first else roots
+            raise batch.failure(self._plan(written, batch.steps, first), rows, block) from None
 
     def _over_time(self, batch: "_Batch", roots: tuple[int, ...]) -> dict[int, Array]:
         out = {root: np.full((batch.count, batch.width), np.nan) for root in roots}
@@ -175,6 +180,16 @@ class Spec:
                         own = whole[batch.offset[row] :]
                         out[root][row, : len(own)] = own
         return out
+
+
+def _floats(given: ArrayLike) -> Array:
+    """An array of numbers as float64. Raises TypeError, ValueError or OverflowError for anything that is not: texts,
+    dates and complex numbers, which NumPy would turn into floats."""
+    array = np.asarray(given)
+    numbers = array.dtype.kind in "biuf" or (array.dtype.kind == "O" and all(isinstance(v, Real) for v in array.flat))
+    if not numbers:
+        raise TypeError
+    return array.astype(np.float64, copy=False)
 
 
 class _Batch:
@@ -213,7 +228,7 @@ class _Batch:
                 )
         self.steps = self.width
         self.offset: np.ndarray[tuple[int], np.dtype[np.intp]] | None = None
-        if lengths is not None and self.count:
+        if lengths is not None:
             self._set_lengths(lengths)
         for name, array in self.arrays.items():
             self._check_finite(name, array)
@@ -228,9 +243,17 @@ class _Batch:
             )
         dimension = self.meaning.signals[name]
         expected = "(N, T)" if dimension is None else f"(N, T, {dimension})"
+        given = signals[name]
+        rows = given if isinstance(given, list | tuple) else [given]
+        if any(map(np.ma.is_masked, rows)):  # NumPy would lose the mask
+            raise self.error(
+                name,
+                f"signal '{name}' holds masked numbers; expected numbers alone; cut the recording with lengths or "
+                "fill them",
+            )
         try:
-            array = np.asarray(signals[name], dtype=np.float64)
-        except (TypeError, ValueError):
+            array = _floats(given)
+        except (TypeError, ValueError, OverflowError):
             raise self.error(
                 name, f"signal '{name}' is no array of numbers; expected shape {expected}; pass floats"
             ) from None
@@ -245,14 +268,15 @@ class _Batch:
 
     def _set_lengths(self, lengths: ArrayLike) -> None:
         name = next(iter(self.arrays))
-        given = np.asarray(lengths)
-        if given.shape != (self.count,) or not np.issubdtype(given.dtype, np.integer):
-            raise self.error(
-                name,
-                f"lengths has shape {given.shape} and type {given.dtype}; expected ({self.count},) "
-                f"whole numbers, "
-                "one per trajectory; correct it",
-            )
+        expected = f"expected ({self.count},) whole numbers, one per trajectory; correct it"
+        try:
+            given = np.asarray(lengths)
+        except ValueError:
+            raise self.error(name, f"lengths is no array; {expected}") from None
+        if given.shape != (self.count,) or (self.count and not np.issubdtype(given.dtype, np.integer)):
+            raise self.error(name, f"lengths has shape {given.shape} and type {given.dtype}; {expected}")
+        if not self.count:
+            return
         wrong = np.flatnonzero((given < 1) | (given > self.width))
         if len(wrong):
             raise self.error(
@@ -318,14 +342,12 @@ class _Batch:
         row += rows.start
         if self.offset is not None:
             step = max(0, step - int(self.offset[row]))
-        # A squared distance (tltlrl.spec.shortcut) stands in the place of the distance.
-        op = ready.graph.ops[node]
-        place = self.meaning.places[ready.graph.add("norm", *op.args) if op.name == "squares" else node]
+        place = self.meaning.places[node]
         problem = {
             "divide": "division by zero or overflow",
             "sqrt": "the square root of a negative number",
             "power": "a power without a finite value",
-        }.get(op.name, "a number too large for a float")
+        }.get(ready.graph.ops[node].name, "a number too large for a float")
         return TraceError(
             self.source,
             place.span,

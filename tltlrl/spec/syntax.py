@@ -258,8 +258,9 @@ def children(node: Node) -> tuple[Node, ...]:
 
 
 def walk(tree: Node) -> Iterator[tuple[Node, int]]:
-    """Every node with its depth, parents first. Iterative: a text may nest deeper than Python's stack."""
-    stack = [(tree, 1)]
+    """Every node with the number of those around it, parents first. Iterative: a text may nest deeper than Python's
+    stack."""
+    stack = [(tree, 0)]
     while stack:
         node, depth = stack.pop()
         yield node, depth
