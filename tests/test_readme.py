@@ -53,7 +53,13 @@ def test_reproduce_figures_in_small(tmp_path):
         pytest.skip("needs the environment that make test sets up")
     small = "seeds=2 trials=2 task.steps=90 algorithm.iterations=2 algorithm.samples=6"
     shell(f"make reproduce-figures RUNS={tmp_path} OVERRIDES='{small}'", ROOT)
-    for name in ("figure_3_3.png", "figure_3_4.pdf", "reach_avoid/report.md", "visit_in_order/report.md", "smoothness.csv"):
+    for name in (
+        "figure_3_3.png",
+        "figure_3_4.pdf",
+        "reach_avoid/report.md",
+        "visit_in_order/report.md",
+        "smoothness.csv",
+    ):
         assert (tmp_path / name).stat().st_size > 0
 
 
