@@ -43,7 +43,10 @@ GRIDS: dict[tuple[str, str], dict[str, Sequence[float]]] = {
     ("reach_avoid", "discrete"): {"obstacle": (-0.5, -2.0, -20.0)},
     ("visit_in_order", "continuous"): {"c2": (0.0, 0.05, 0.1, 0.2, 0.4), "c3": (0.0, 0.05, 0.1, 0.2)},
     ("visit_in_order", "discrete"): {"obstacle": (-0.2, -2.0), "wrong_order": (-1.0, -5.0)},
-    ("toast", "continuous"): {"c2": (0.0, 0.1, 0.3, 0.5, 0.7), "c3": (0.0001, 0.001, 0.003, 0.01, 0.03, 0.1)},
+    ("toast", "continuous"): {
+        "c2": (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0, 1.1, 1.2, 1.4, 1.7, 2.2),
+        "c3": (0.001, 0.01, 0.1),
+    },
 }
 EPISODE_BASED_ONLY = {"toast"}  # as in the case study
 WITHOUT_KINEMATIC_MODEL = {"toast"}
