@@ -25,7 +25,7 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.lockstep import Array, Fit, Kinematic, Learner, train
-from tltlrl.cli import compose
+from tltlrl.compose import compose
 from tltlrl.config import experiment_from
 from tltlrl.reps import fit
 from tltlrl.rollout import Simulator

@@ -24,7 +24,7 @@ from typing import Any
 import pandas as pd
 
 from benchmarks.lockstep import Kinematic, Learner, train
-from tltlrl.cli import compose
+from tltlrl.compose import compose
 from tltlrl.config import experiment_from
 from tltlrl.reps import fit
 from tltlrl.rollout import Simulator

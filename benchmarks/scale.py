@@ -12,7 +12,7 @@ import numpy as np
 import psutil
 
 from benchmarks.simulation import Row, seconds
-from tltlrl.cli import compose
+from tltlrl.compose import compose
 from tltlrl.config import Experiment, experiment_from
 from tltlrl.experiment import finished, run_folder, survey
 from tltlrl.plotting import plot_learning_curves, read_curves

@@ -12,7 +12,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from tltlrl.cli import compose
+from tltlrl.compose import compose
 from tltlrl.config import experiment_from
 from tltlrl.engine import run_all
 from tltlrl.policy import Policy

@@ -6,7 +6,7 @@ import shutil
 import pytest
 
 from tltlrl import cli
-from tltlrl.cli import compose
+from tltlrl.compose import compose
 from tltlrl.config import experiment_from
 from tltlrl.experiment import run_experiment
 

@@ -8,7 +8,7 @@ from absl.testing import absltest
 from dm_env import test_utils
 
 import tltlrl
-from tltlrl.cli import compose
+from tltlrl.compose import compose
 from tltlrl.config import experiment_from
 from tltlrl.policy import Policy
 from tltlrl.resources import SPECS

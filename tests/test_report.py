@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from tltlrl.cli import compose
+from tltlrl.compose import compose
 from tltlrl.config import experiment_from
 from tltlrl.reasons import Reason, to_json
 from tltlrl.report import bottleneck_lines, summary_page, trial_lines

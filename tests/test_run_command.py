@@ -2,6 +2,8 @@
 
 import contextlib
 import csv
+import importlib.metadata
+import itertools
 import json
 import os
 import platform
@@ -16,7 +18,7 @@ import psutil  # of distributed
 import pytest
 import yaml
 
-from tltlrl import manifest
+from tltlrl import cli, manifest
 from tltlrl.resources import SPECS
 
 SMALL = (
@@ -406,6 +408,82 @@ MISTAKES = {
         f"tltl-run: no spec file reach_avoit.tltl here or in {SPECS}; did you mean reach_avoid.tltl?"
     ),
     ("experiment=reach_avoid", "name=a/b"): "tltl-run: name: 'a/b' cannot be a folder's name",
+    ("experiment=reach_avoid", "name=true"): "tltl-run: name: expected str, not True",
+    ("experiment=reach_avoid", "runs_dir="): (
+        "tltl-run: runs_dir: it is empty; give the folder above the experiments' folders, or . for this one"
+    ),
+    ("experiment=reach_avoid", "trials=1000000000"): (
+        "tltl-run: trials: 1000000000 is too large; it must be at most 10000"
+    ),
+    ("experiment=reach_avoid", "algorithm.samples=10001"): (
+        "tltl-run: algorithm.samples: 10001 is too large; it must be at most 10000"
+    ),
+    ("experiment=reach_avoid", "task.steps=100001"): (
+        "tltl-run: task.steps: 100001 is too large; it must be at most 100000"
+    ),
+    ("reach_avoid",): "tltl-run: reach_avoid: did you mean experiment=reach_avoid?",
+    ("help",): "tltl-run: help: did you mean --help?",
+    ("experiment=3",): (
+        "tltl-run: experiment=3: there is no such experiment; there are: reach_avoid, toast, visit_in_order"
+    ),
+    ("experiment=null",): (
+        "tltl-run: experiment=null: there is no such experiment; there are: reach_avoid, toast, visit_in_order"
+    ),
+    ("~experiment",): (
+        "tltl-run: name: it has no value; experiment=NAME gives it one (a file of your own for that begins with the "
+        "line `# @package _global_`)"
+    ),
+    ("experiment=reach_avoid", "reward=null"): (
+        "tltl-run: reward=null: there is no such reward; there are: reach_avoid, toast, visit_in_order"
+    ),
+    ("experiment=reach_avoid", "algorithm={a:1}"): (
+        "tltl-run: algorithm={a:1}: there is no such algorithm; there are: reps"
+    ),
+    ("experiment=reach_avoid", "constants=[1]"): (
+        "tltl-run: constants=[1]: this key cannot have such a value; --cfg job shows the one it has"
+    ),
+    ("experiment=reach_avoid", "seeds=1,2"): (
+        "tltl-run: seeds=1,2: a list is written seeds=[1,2]; several experiments with -m (see --help)"
+    ),
+    ("experiment=reach_avoid", "name=${nothing}"): "tltl-run: Interpolation key 'nothing' not found",
+    ("experiment=reach_avoid", "--seeds", "3"): (
+        "tltl-run: --seeds: no such option; write seeds=3 (see --help)"
+    ),
+    ("--algorithm.samples=3", "experiment=reach_avoid"): (
+        "tltl-run: --algorithm.samples: no such option; write algorithm.samples=3 (see --help)"
+    ),
+    ("experiment=reach_avoid", "--resume"): (
+        "tltl-run: --resume: no such option; there are: --from, --cfg, -m, --config-dir, --version, --help"
+    ),
+    ("experiment=reach_avoid", "--config", "mine"): (
+        "tltl-run: --config: no such option; there are: --from, --cfg, -m, --config-dir, --version, --help"
+    ),
+    ("experiment=reach_avoid", "--cfg", "jobs"): (
+        "tltl-run: --cfg jobs: it can only be --cfg job"
+    ),
+    ("--config-dir", "mine", "experiment=reach_avoid"): "tltl-run: --config-dir mine: there is no such folder",
+    ("--from", "manifest.json", "-m"): (
+        "tltl-run: --from: it repeats one experiment, as its manifest says; leave out -m and --config-dir"
+    ),
+    # With -m every combination is looked at before the first one starts.
+    ("-m", "experiment=reach_avoid", "algorithm.samples=30", "algorithm.epsilon=0.2,9"): (
+        "tltl-run: algorithm.epsilon: 9.0 must lie between 0 and log(algorithm.samples) = 3.401: the weights of 30 "
+        "samples cannot be further from uniform. Lower it, or draw more samples."
+    ),
+    ("experiment=reach_avoid,toast", "-m", "task.max_speed=1"): (
+        "tltl-run: task.max_speed: no such key; did you mean task.name?"
+    ),
+    ("experiment=reach_avoid", "-m", "algorithm.epsilon=interval(0,1)"): (
+        "tltl-run: algorithm.epsilon=interval(0,1): -m needs single values, as in algorithm.epsilon=0.2,0.5 or "
+        "range(1,4)"
+    ),
+    ("experiment=reach_avoid", "-m", "cases=[tltl_episodic],[discrete_step]"): (
+        "tltl-run: -m: two combinations have the same folder runs/reach_avoid; sweep what makes them different "
+        "experiments (of cases and seeds one experiment has a list, as in seeds=[1,2]), or name, too"
+    ),
+    ("experiment=reach_avoid", "-m", "--cfg", "job"): (
+        "tltl-run: --cfg job: it shows the config of one experiment; leave out -m"
+    ),
 }  # fmt: skip
 
 
@@ -443,17 +521,70 @@ def test_a_mistake_through_the_real_command(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_multirun_gives_every_combination_a_folder_of_its_own(tmp_path):
-    small = [setting for setting in SMALL if not setting.startswith(("seeds", "algorithm.epsilon"))]
-    code, _, errors = run(tmp_path, "-m", *small, "cases=[tltl_episodic]", "algorithm.epsilon=0.4,0.5", "seeds=1")
+def test_multirun_gives_every_combination_a_folder_that_is_found_again(tmp_path):
+    few = [setting for setting in SMALL if not setting.startswith(("seeds", "algorithm.epsilon"))]
+    small = (*few, "cases=[tltl_episodic]", "workers=1", "algorithm.epsilon=0.4,0.5")
+    folders = ["small,algorithm.epsilon=0.4", "small,algorithm.epsilon=0.5"]
+    code, _, errors = run(tmp_path, "-m", *small, "seeds=1")
     assert code == 0, errors
-    folders = [path.parent for path in sorted(tmp_path.glob("runs/*/config.yaml"))]
-    found = {
-        (s["algorithm"]["epsilon"], s["seeds"])
-        for s in (yaml.safe_load((f / "config.yaml").read_text()) for f in folders)
-    }
-    assert found == {(0.4, 1), (0.5, 1)}
-    assert all((folder / "summary.csv").exists() for folder in folders)
+    assert sorted(path.name for path in (tmp_path / "runs").iterdir()) == folders
+    code, _, errors = run(tmp_path, *small, "-m", "seeds=2", "trials=5")
+    assert code == 0, errors
+    assert errors.count("1 of 2 runs were done before and are kept") == 2
+    assert sorted(path.name for path in (tmp_path / "runs").iterdir()) == folders
+    for folder, epsilon in zip(folders, (0.4, 0.5), strict=True):
+        settings = yaml.safe_load((tmp_path / "runs" / folder / "config.yaml").read_text())
+        assert (settings["name"], settings["algorithm"]["epsilon"], settings["seeds"]) == (folder, epsilon, 2)
+        assert (tmp_path / "runs" / folder / "summary.csv").exists()
+
+
+def test_a_combination_that_fails_lets_the_others_go_on(tmp_path):
+    (tmp_path / "root.tltl").write_text("signal ee[2]\nconst low = 0\nspec: F G (sqrt(ee.y - low) > 0.3)\n")
+    small = (*SMALL, "spec=root.tltl", "cases=[tltl_episodic]", "seeds=1", "workers=1", "task.steps=4")
+    code, _, errors = run(tmp_path, "-m", *small, "constants.low=9,-9")
+    assert code == 1
+    assert "tltl-run: 1 of 2 experiments failed: small,constants.low=9;" in errors
+    assert (tmp_path / "runs/small,constants.low=-9/report.md").exists()
+
+
+OF_TOAST = {"experiment=toast", "seeds=3", "--cfg job"}
+
+
+@pytest.mark.parametrize("order", itertools.permutations(sorted(OF_TOAST)), ids=" ".join)
+def test_options_stand_anywhere(order, capsys):
+    assert cli.run(" ".join(order).split()) == 0
+    settings = yaml.safe_load(capsys.readouterr().out)
+    assert (settings["name"], settings["seeds"]) == ("toast", 3)
+
+
+def test_a_manifest_is_repeated_with_other_values_wherever_they_stand(undisturbed, capsys):
+    made = str(undisturbed / "manifest.json")
+    assert cli.run(["name=again", "--cfg", "job", "--from", made, "++constants.goal_radius=0.4"]) == 0
+    settings = yaml.safe_load(capsys.readouterr().out)
+    assert (settings["name"], settings["constants"]) == ("again", {"goal_radius": 0.4})
+    assert settings["algorithm"]["samples"] == 8
+
+
+def test_the_version_is_tltlrls(capsys):
+    assert cli.run(["--version"]) == 0
+    with pytest.raises(SystemExit, match="0"):
+        cli.main(["--version"])
+    assert capsys.readouterr().out == f"tltlrl {importlib.metadata.version('tltlrl')}\n" * 2
+
+
+def test_the_commands_answer_ctrl_c_before_they_import_what_takes_time(tmp_path):
+    """And Ctrl-C while that is imported is told like any other."""
+    code = "import sys, tltlrl.cli; print([m for m in ('numpy', 'lark', 'hydra', 'omegaconf') if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout == "[]\n"
+    (tmp_path / "hydra.py").write_text("raise KeyboardInterrupt\n")
+    (tmp_path / "numpy.py").write_text("raise KeyboardInterrupt\n")
+    for command in ("run(['experiment=toast'])", "main(['check', 'toast.tltl'])"):
+        code = f"import sys; from tltlrl import cli; sys.path.insert(0, {str(tmp_path)!r}); sys.exit(cli.{command})"
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
+        assert done.returncode == 130
+        assert done.stderr.endswith(": stopped; the same command goes on from what is done\n")
+        assert "Traceback" not in done.stderr
 
 
 def test_help_is_for_people_who_do_not_know_hydra(tmp_path):
@@ -461,8 +592,17 @@ def test_help_is_for_people_who_do_not_know_hydra(tmp_path):
     assert code == 0
     for line in ("Examples", "Experiments: reach_avoid, toast, visit_in_order", "samples: 20", "Exit codes:"):
         assert line in output
+    assert re.search(r"^    epsilon: 1.0 +# bound of the samples' KL per update, nats$", output, re.MULTILINE)
+    assert re.search(r"^    steps: 200$", output, re.MULTILINE)
     assert max(len(line) for line in output.splitlines()) <= 100
     assert list(tmp_path.iterdir()) == []
+
+
+def test_help_is_about_the_experiment_that_is_given(capsys):
+    assert cli.run(["experiment=toast", "--help"]) == 0
+    output = capsys.readouterr().out
+    assert re.search(r"^    opening_step: 52 +# the rough motion lets go 0.4 s too early$", output, re.MULTILINE)
+    assert max(len(line) for line in output.splitlines()) <= 100
 
 
 def test_an_experiment_of_ones_own_in_a_config_folder(tmp_path):
@@ -474,3 +614,35 @@ def test_an_experiment_of_ones_own_in_a_config_folder(tmp_path):
     code, _, errors = run(tmp_path, "--config-dir", str(tmp_path / "mine"), "experiment=short", "workers=1")
     assert code == 0, errors
     assert Path(tmp_path / "runs/short/tltl_episodic/seed_3/done.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("content", "arguments", "message"),
+    [
+        (
+            b"name: mine\ndefaults: [/task: reach_avoid, reach_avoid]\n",
+            ["experiment=mine"],
+            "the first line of the file that is chosen",
+        ),
+        (
+            b"# @package _global_\nname: [mine\n",
+            ["experiment=mine"],
+            "mine.yaml, line 3: it is not YAML: expected ',' or ']'",
+        ),
+        (b"# @package _global_\nname: caf\xe9\n", ["experiment=mine"], "experiment=mine: one of these files"),
+        (
+            b"# @package _global_\ndefaults: [reach_avoid]\n",
+            ["experiment=mine", "sedes=3"],
+            "sedes: no such key; did you mean seeds?",
+        ),
+        (b"", [], "say which experiment: experiment=NAME, one of: mine, reach_avoid, toast"),
+    ],
+)
+def test_a_mistake_in_an_experiment_of_ones_own_is_told(tmp_path, capsys, content, arguments, message):
+    (tmp_path / "a folder, mine" / "experiment").mkdir(parents=True)
+    (tmp_path / "a folder, mine" / "experiment" / "mine.yaml").write_bytes(content)
+    assert cli.run([*arguments, "--config-dir", str(tmp_path / "a folder, mine")]) == 2
+    errors = capsys.readouterr().err
+    assert errors.startswith("tltl-run: ")
+    assert message in errors
+    assert len(errors.splitlines()) == 1

@@ -202,6 +202,9 @@ def test_a_failed_trial_is_told_and_the_search_goes_on(tmp_path, monkeypatch, ca
         (("algorithm.samples=interval(4,8)",), "algorithm.samples: "),
         (("seeds=1,2",), "seeds: it cannot be searched"),
         (("reward.c2=tag(log,interval(0,1))",), "reward.c2: tag(log,interval(0,1)) cannot be searched; there are"),
+        (("reward.c2=interval(0,inf)",), "reward.c2: interval(0,inf) cannot be searched; there are"),
+        (("reward=null", "reward.c2=0.1,0.2"), "reward=null: there is no such reward; there are: reach_avoid"),
+        (("reward.c2=0.1,0.2", "--config-dir", "mine"), "--config-dir mine: there is no such folder"),
         (("reward.c2=interval(1,0)",), "reward.c2: interval(1,0) cannot be searched; there are"),
         (("reward.c2=interval(0,",), "not readable as key=value"),
         (("reward.c2=0.1,0.2", "--trials", 0), "--trials must lie between 1 and 1000"),
@@ -216,8 +219,11 @@ def test_mistakes_are_told_before_anything_is_written(tmp_path, capsys, argument
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_that_holds_something_else_is_left_alone(tmp_path, capsys):
+@pytest.mark.parametrize("content", [None, b"\xff", b"name: small\n"])
+def test_a_folder_that_holds_something_else_is_left_alone(tmp_path, capsys, content):
     (tmp_path / "runs/small").mkdir(parents=True)
+    if content is not None:
+        (tmp_path / "runs/small/search.yaml").write_bytes(content)
     (tmp_path / "runs/small/thesis.txt").write_text("mine")
     assert tltl_search(*SMALL, *SPACE, "overwrite=true") == 2
     assert "holds no search" in capsys.readouterr().err

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tltlrl import training
-from tltlrl.cli import compose
+from tltlrl.compose import compose
 from tltlrl.config import experiment_from
 from tltlrl.record import read_policy
 from tltlrl.reps import reward_to_go, solve_dual

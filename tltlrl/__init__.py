@@ -1,19 +1,17 @@
 """Learn robot behaviour from truncated linear temporal logic (TLTL) specifications."""
 
+import importlib
 from typing import TYPE_CHECKING, Any
 
-from tltlrl.spec import SpecError, TraceError, load_spec, parse_spec
-
 if TYPE_CHECKING:
+    from tltlrl.spec import SpecError, TraceError, load_spec, parse_spec
     from tltlrl.tasks import load_task
 
 __all__ = ["SpecError", "TraceError", "load_spec", "load_task", "parse_spec"]
 
 
 def __getattr__(name: str) -> Any:
-    """`load_task` on first use: a spec alone must not load MuJoCo."""
-    if name == "load_task":
-        from tltlrl.tasks import load_task
-
-        return load_task
+    """On first use: a spec alone must not load MuJoCo, and a command that starts not even NumPy."""
+    if name in __all__:
+        return getattr(importlib.import_module("tltlrl.tasks" if name == "load_task" else "tltlrl.spec"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,53 +1,20 @@
-"""The commands `tltl-run` and `tltl`: arguments in, results and messages out, nothing computed here."""
+"""The commands `tltl-run` and `tltl`: arguments in, results and messages out, nothing computed here.
+
+What takes time to import is imported by the functions that need it: Ctrl-C is answered from the start.
+"""
 
 from __future__ import annotations
 
 import argparse
-import contextlib
+import importlib.metadata
 import os
-import re
 import sys
-import traceback
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from tltlrl import check
-from tltlrl.errors import UserError, nearest
-from tltlrl.resources import CONFIGS, SPECS
-from tltlrl.spec import SpecError, TraceError
-
-MOST_TRIALS = 10_000  # they are one batch
-
-USAGE = """\
-tltl-run: learn a robot task from its temporal-logic spec, and compare rewards over seeds.
-
-  tltl-run experiment=NAME [key=value ...]
-
-Examples
-  tltl-run experiment=reach_avoid
-  tltl-run experiment=reach_avoid name=mine spec=my_task.tltl cases=[tltl_episodic]
-  tltl-run experiment=reach_avoid name=small seeds=[7] algorithm.samples=30 reward.goal=3
-
-Any key of the config below can be set as key=value; a list is written [1,2,3], without spaces.
-Constants of the spec are set with constants.NAME=value. The results go to <runs_dir>/<name>;
-the same command again finishes what is missing there. Ctrl-C keeps what is done.
-
-Experiments: {experiments}
-Specs that come with tltlrl: {specs}
-
-Keys and their values for experiment={shown}:
-
-{config}
-Options
-  --from MANIFEST    repeat an experiment: --from runs/NAME/manifest.json name=again
-  --cfg job          print the config with your overrides, and stop
-  -m                 one experiment per combination: -m algorithm.epsilon=0.2,0.5 seeds=2
-  --config-dir DIR   look for experiments, tasks, rewards and algorithms of your own in DIR, too
-  --help             this page
-
-Exit codes: 0 done; 1 a run failed; 2 the command, config or spec has to be mended; 130 Ctrl-C.
-"""
+from tltlrl.compose import GROUPS, compose, searchpath
+from tltlrl.errors import UserError
 
 
 def run_main() -> None:
@@ -57,20 +24,106 @@ def run_main() -> None:
 
 def run(arguments: list[str]) -> int:
     """`tltl-run ARGUMENTS`; its exit code."""
-    if "--help" in arguments or "-h" in arguments:
-        print(usage(), end="")
+    return _told("tltl-run", arguments, lambda: _run(arguments))
+
+
+def _run(arguments: list[str]) -> int:
+    chosen = _options(arguments)
+    if chosen.help:
+        from tltlrl.usage import usage
+
+        print(usage([*searchpath(chosen.config_dir), *chosen.overrides]), end="")
+        return 0
+    if chosen.version:
+        print(_version())
         return 0
     os.environ.setdefault("MUJOCO_GL", "disable")  # nothing here renders, and looking for a renderer takes a second
-    if arguments[:1] == ["--from"]:
-        return _told("tltl-run", lambda: _repeat(arguments))
-    os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra raises what goes wrong, and it is told below
-    sys.argv = ["tltl-run", *(_addable(argument) for argument in arguments)]
-    return _told("tltl-run", lambda: _hydra_run(arguments))
+    command = ["tltl-run", *arguments]
+    if chosen.manifest is not None and (chosen.multirun or chosen.config_dir):
+        raise UserError("--from: it repeats one experiment, as its manifest says; leave out -m and --config-dir")
+    overrides = [*searchpath(chosen.config_dir), *chosen.overrides]
+    if chosen.multirun:
+        if chosen.cfg:
+            raise UserError("--cfg job: it shows the config of one experiment; leave out -m")
+
+        from tltlrl.multirun import run_combinations
+
+        # Ctrl-C is not told for each: it ends them all
+        return run_combinations(overrides, lambda config: _mistakes_told("tltl-run", lambda: _start(config, command)))
+    settings = compose(overrides) if chosen.manifest is None else _repeated(chosen.manifest, overrides)
+    if chosen.cfg:
+        import yaml
+
+        print(yaml.safe_dump(settings, sort_keys=False), end="")
+        return 0
+    return _start(settings, command)
+
+
+def _start(settings: Mapping[str, Any], command: list[str]) -> int:
+    from tltlrl.config import experiment_from
+
+    experiment = experiment_from(settings)
+
+    from tltlrl.experiment import run_experiment  # pandas and matplotlib take a second that a mistake need not wait
+
+    return 0 if run_experiment(experiment, command) else 1
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> Any:
+        """Told like any other mistake, without a usage that lists nothing of the config."""
+        raise UserError(f"{message} (see --help)")
+
+
+def _options(arguments: list[str]) -> argparse.Namespace:
+    """The options, wherever they stand, and the overrides.
+
+    Raises:
+      UserError: if there is no such option, with the override that was meant.
+    """
+    parser = _Parser("tltl-run", add_help=False, allow_abbrev=False)
+    parser.add_argument("--help", "-h", action="store_true")
+    parser.add_argument("--version", action="store_true")
+    parser.add_argument("--from", dest="manifest", nargs="?", const="")
+    parser.add_argument("--cfg")
+    parser.add_argument("--multirun", "-m", action="store_true")
+    parser.add_argument("--config-dir", "-cd", type=Path)
+    parser.add_argument("overrides", nargs="*")
+    chosen, unknown = parser.parse_known_intermixed_args(arguments)
+    if unknown:
+        _refuse(unknown[0], arguments)
+    if chosen.cfg not in (None, "job"):
+        raise UserError(f"--cfg {chosen.cfg}: it can only be --cfg job")
+    return chosen
+
+
+def _refuse(option: str, arguments: list[str]) -> None:
+    """Says what to write in place of an option that does not exist."""
+    from tltlrl.config import KEYS
+
+    flag, _, value = option.partition("=")
+    key = flag.lstrip("-").replace("-", "_")
+    if key.split(".")[0] not in (*KEYS, *GROUPS):
+        raise UserError(f"{flag}: no such option; there are: --from, --cfg, -m, --config-dir, --version, --help")
+    following = arguments[arguments.index(option) + 1 :][:1]
+    raise UserError(f"{flag}: no such option; write {key}={value or ''.join(following)} (see --help)")
+
+
+def _version() -> str:
+    return f"tltlrl {importlib.metadata.version('tltlrl')}"
 
 
 def main(arguments: list[str] | None = None) -> None:
     """The command `tltl`."""
+    given = sys.argv[1:] if arguments is None else arguments
+    sys.exit(_told("tltl", given, lambda: _tltl(given)))
+
+
+def _tltl(arguments: list[str]) -> int:
+    from tltlrl import check
+
     parser = argparse.ArgumentParser("tltl", description="Check specs; evaluate, render and plot what was learned.")
+    parser.add_argument("--version", action="version", version=_version())
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
     check.add_parser(commands)
 
@@ -105,13 +158,14 @@ def main(arguments: list[str] | None = None) -> None:
     search.set_defaults(command=_search)
 
     chosen = parser.parse_args(arguments)
-    sys.exit(_told("tltl", lambda: chosen.command(chosen)))
+    return int(chosen.command(chosen))
 
 
 def _evaluate(arguments: argparse.Namespace) -> int:
     import numpy as np
     from scipy.stats import binomtest
 
+    from tltlrl.config import MOST_TRIALS
     from tltlrl.experiment import open_run
     from tltlrl.training import try_policy
 
@@ -172,15 +226,10 @@ def _search(arguments: argparse.Namespace) -> int:
 
     os.environ.setdefault("MUJOCO_GL", "disable")
     require_optuna()
-    with _hydra_errors_told(arguments.overrides):
-        fixed, space, distributions = parse_space(arguments.overrides)
-    if arguments.config_dir:
-        fixed.insert(0, f"hydra.searchpath=[file://{arguments.config_dir.resolve()}]")
+    fixed, space, distributions = parse_space([*searchpath(arguments.config_dir), *arguments.overrides])
 
     def configure(parameters: Mapping[str, Any]) -> dict[str, Any]:
-        overrides = [*fixed, *(f"{key}={value}" for key, value in parameters.items())]
-        with _hydra_errors_told(overrides):
-            return compose([_addable(override) for override in overrides])
+        return compose([*fixed, *(f"{key}={value}" for key, value in parameters.items())])
 
     search = Search(experiment_from(configure({})), tuple(fixed), space, distributions, configure, arguments.seed)
     table = run_search(search, arguments.trials, ["tltl", *sys.argv[1:]])
@@ -194,176 +243,31 @@ def _search(arguments: argparse.Namespace) -> int:
     return 1 if failed else 0
 
 
-def _addable(argument: str) -> str:
-    """Hydra wants ++ before a key that the config does not have yet, as any constant of a spec."""
-    return f"++{argument}" if argument.startswith("constants.") else argument
-
-
-def _repeat(arguments: list[str]) -> int:
-    """`--from MANIFEST [key=value ...]`: the experiment of a manifest.json, with other values for some keys."""
+def _repeated(manifest: str, overrides: Sequence[str]) -> dict[str, Any]:
+    """The config of a manifest.json with other values for some keys."""
     import yaml
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
 
-    from tltlrl.config import experiment_from
     from tltlrl.manifest import settings_of
 
-    if len(arguments) < 2:
+    if not manifest:
         raise UserError("--from: give the manifest.json of an experiment, as in --from runs/NAME/manifest.json")
-    settings = settings_of(Path(arguments[1]))
+    settings = settings_of(Path(manifest))
     try:
-        changed: Any = OmegaConf.merge(settings, OmegaConf.from_dotlist(arguments[2:]))
+        changes = OmegaConf.from_dotlist([override.lstrip("+") for override in overrides])
+        changed: Any = OmegaConf.to_container(OmegaConf.merge(settings, changes))
     except (OmegaConfBaseException, yaml.YAMLError) as error:
         raise UserError(f"--from: {str(error).splitlines()[0]}") from error
-    experiment = experiment_from(OmegaConf.to_container(changed))  # type: ignore[arg-type]
-
-    from tltlrl.experiment import run_experiment
-
-    return 0 if run_experiment(experiment, ["tltl-run", *arguments]) else 1
+    return dict(changed)
 
 
-def _module_of(error: Exception) -> str:
-    """Where it was raised."""
-    *_, (frame, _) = traceback.walk_tb(error.__traceback__)
-    return str(frame.f_globals["__name__"])
-
-
-class _FailedElsewhere(Exception):
-    """An experiment of -m did not succeed in a process of hydra/launcher=...; its message was printed there."""
-
-    def __init__(self, code: int) -> None:
-        super().__init__(code)
-        self.code = code
-
-
-def _hydra_run(arguments: list[str]) -> int:
-    import hydra
-
-    codes: list[int] = []
-    here = os.getpid()
-
-    def job(config: Any) -> None:  # Ctrl-C is not told here: it ends every job of a multirun
-        code = _mistakes_told("tltl-run", lambda: _run(config, arguments))
-        codes.append(code)
-        if code and os.getpid() != here:  # a launcher's process, whose `codes` is a copy
-            raise _FailedElsewhere(code)
-
-    try:
-        with _hydra_errors_told(arguments):
-            hydra.main(version_base="1.3", config_path=str(CONFIGS), config_name="config")(job)()
-    except _FailedElsewhere as error:  # Hydra has printed the overrides of that experiment
-        print("tltl-run: it failed in its job, and others may have; the jobs' logs say why", file=sys.stderr)
-        return error.code
-    except Exception as error:
-        if not _module_of(error).startswith("submitit."):
-            raise
-        print(f"tltl-run: hydra/launcher reports: {error}", file=sys.stderr)
-        return 1
-    return max(codes, default=0)
-
-
-@contextlib.contextmanager
-def _hydra_errors_told(arguments: list[str]) -> Iterator[None]:
-    """What Hydra finds wrong with the arguments, in the words of these commands."""
-    from hydra.errors import ConfigCompositionException, HydraException, OverrideParseException
-
-    try:
-        yield
-    except OverrideParseException as error:
-        raise UserError(
-            f"{error.override}: not readable as key=value; a list is written [1,2,3], text with special characters "
-            f"in quotes: key='\"a b\"'"
-        ) from error
-    except ConfigCompositionException as error:
-        raise UserError(_explain_composition(error, arguments)) from error
-    except HydraException as error:
-        raise UserError(str(error).splitlines()[0]) from error
-
-
-def _run(config: Any, arguments: list[str]) -> int:
-    from hydra.core.hydra_config import HydraConfig
-    from hydra.types import RunMode
-    from omegaconf import OmegaConf
-    from omegaconf.errors import OmegaConfBaseException
-
-    from tltlrl.config import experiment_from
-
-    try:
-        settings: Any = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
-    except OmegaConfBaseException as error:
-        raise UserError(str(error).splitlines()[0]) from error
-    job = HydraConfig.get()
-    if job.mode == RunMode.MULTIRUN:  # or every combination would ask for the same folder
-        settings["name"] += "," + job.job.override_dirname.replace("/", "-")
-    experiment = experiment_from(settings)
-
-    from tltlrl.experiment import run_experiment  # pandas and matplotlib take a second that a mistake need not wait
-
-    return 0 if run_experiment(experiment, ["tltl-run", *arguments]) else 1
-
-
-def _explain_composition(error: Any, arguments: list[str]) -> str:
-    """What Hydra found wrong, in the words of this command."""
-    options = getattr(error, "options", None)
-    if options is not None and error.missing_cfg_file:
-        group, _, name = error.missing_cfg_file.rpartition("/")
-        return f"{group}={name}: there is no such {group}{nearest(name, options)}"
-    if unknown := re.match(r"Could not (?:override|delete from config|append to config)[^']*'([^']+)'", str(error)):
-        key = unknown[1]
-        return f"{key}: no such key{nearest(key, _valid_keys(arguments))}"
-    if missing := re.match(r"You must specify '(\w+)'", str(error)):
-        return f"say which {missing[1]}: {missing[1]}=NAME, one of: {', '.join(_names(missing[1]))}"
-    return str(error)
-
-
-def _valid_keys(arguments: list[str]) -> list[str]:
-    """Every key of the chosen experiment's config, dotted, and the groups."""
-    groups = [a for a in arguments if a.split("=")[0] in {p.name for p in CONFIGS.iterdir() if p.is_dir()}]
-    try:
-        config = compose(groups)
-    except Exception:
-        return []
-    from tltlrl.experiment import flatten
-
-    return [*flatten(config), *config, "experiment"]
-
-
-def compose(overrides: list[str]) -> dict[str, Any]:
-    """The config of these overrides as plain data."""
-    from hydra import compose as hydra_compose
-    from hydra import initialize_config_dir
-    from omegaconf import OmegaConf
-
-    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
-        result: Any = OmegaConf.to_container(hydra_compose("config", overrides), resolve=True)
-    return dict(result)
-
-
-def usage() -> str:
-    """The text of --help."""
-    import yaml
-
-    experiments = _names("experiment")
-    shown = experiments[0]
-    config = yaml.safe_dump(compose([f"experiment={shown}"]), sort_keys=False, default_flow_style=None, width=76)
-    return USAGE.format(
-        experiments=", ".join(experiments),
-        specs=", ".join(path.name for path in sorted(SPECS.glob("*.tltl"))),
-        shown=shown,
-        config="".join(f"  {line}\n" for line in config.splitlines()),
-    )
-
-
-def _names(group: str) -> list[str]:
-    return sorted(path.stem for path in (CONFIGS / group).glob("*.yaml"))
-
-
-def _told(name: str, command: Callable[[], int]) -> int:
+def _told(name: str, arguments: list[str], command: Callable[[], int]) -> int:
     """Runs a command; what its user has to mend becomes one message and exit code 2, Ctrl-C one and 130."""
     try:
         return _mistakes_told(name, command)
     except KeyboardInterrupt:
-        without = " without overwrite=true" if "overwrite=true" in sys.argv else ""
+        without = " without overwrite=true" if "overwrite=true" in arguments else ""
         print(f"{name}: stopped; the same command{without} goes on from what is done", file=sys.stderr)
         return 130
 
@@ -374,7 +278,7 @@ def _mistakes_told(name: str, command: Callable[[], int]) -> int:
     except BrokenPipeError:  # whoever read the output has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except (UserError, SpecError, TraceError, MemoryError) as error:
+    except (UserError, MemoryError) as error:
         print(f"{name}: {error}", file=sys.stderr)
     except OSError as error:
         where = f"{error.filename}: " if error.filename is not None else ""
@@ -383,4 +287,10 @@ def _mistakes_told(name: str, command: Callable[[], int]) -> int:
             "what is done is kept",
             file=sys.stderr,
         )
+    except Exception as error:
+        from tltlrl.spec import SpecError, TraceError
+
+        if not isinstance(error, SpecError | TraceError):
+            raise
+        print(f"{name}: {error}", file=sys.stderr)
     return 2

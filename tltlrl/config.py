@@ -70,7 +70,9 @@ class Experiment:
         ]
 
 
-MOST_SEEDS = 10_000
+# More would be told by the machine's memory, and of the trials only after all training.
+MOST_SEEDS = MOST_TRIALS = MOST_SAMPLES = 10_000
+MOST_STEPS = 100_000
 KEYS = {
     "name": str,
     "task": dict,
@@ -105,7 +107,7 @@ def experiment_from(config: Mapping[str, Any]) -> Experiment:
     for key in config:
         if key not in KEYS:
             raise UserError(f"{key}: no such key{nearest(key, KEYS)}")
-    if isinstance(config.get("name"), int):  # name=2024
+    if type(config.get("name")) is int:  # name=2024
         config = {**config, "name": str(config["name"])}
     for key, kind in KEYS.items():
         if key not in config:
@@ -116,6 +118,8 @@ def experiment_from(config: Mapping[str, Any]) -> Experiment:
             raise UserError(f"{key}: expected {expected}, not {config[key]!r}")
     if not config["name"].isprintable() or not config["name"].strip(". ") or "/" in config["name"]:
         raise UserError(f"name: {config['name']!r} cannot be a folder's name")
+    if not config["runs_dir"].strip():
+        raise UserError("runs_dir: it is empty; give the folder above the experiments' folders, or . for this one")
     entry = task_entry(str(config["task"].get("name")))
     experiment = Experiment(
         name=config["name"],
@@ -125,13 +129,14 @@ def experiment_from(config: Mapping[str, Any]) -> Experiment:
         cases=_cases(config["cases"], list(entry.hand_made)),
         seeds=_seeds(config["seeds"]),
         algorithm=dataclass_from(AlgorithmConfig, config["algorithm"], "algorithm"),
-        trials=_at_least("trials", config["trials"], 1),
-        workers=None if config["workers"] is None else _at_least("workers", config["workers"], 1),
+        trials=_between("trials", config["trials"], 1, MOST_TRIALS),
+        workers=None if config["workers"] is None else _between("workers", config["workers"], 1),
         engine=dataclass_from(EngineConfig, config["engine"], "engine"),
         runs_dir=config["runs_dir"],
         overwrite=config["overwrite"],
         settings={key: value for key, value in config.items() if key not in MACHINERY_DEFAULTS},
     )
+    _between("task.steps", experiment.task.steps, most=MOST_STEPS)
     _check_algorithm(experiment.algorithm)
     _check_step(experiment.reward)
     for case in experiment.cases:  # builds each kind of task once: wrong geometry or missing constants show here
@@ -175,9 +180,11 @@ def _numbers(value: Any) -> list[float]:
     return [value] if isinstance(value, float) else []
 
 
-def _at_least(key: str, value: int, least: int) -> int:
-    if value < least:
+def _between(key: str, value: int, least: int | None = None, most: int | None = None) -> int:
+    if least is not None and value < least:
         raise UserError(f"{key}: {value} is too small; it must be at least {least}")
+    if most is not None and value > most:
+        raise UserError(f"{key}: {value} is too large; it must be at most {most}")
     return value
 
 
@@ -201,8 +208,8 @@ def _seeds(seeds: Any) -> tuple[int, ...]:
 
 
 def _check_algorithm(a: AlgorithmConfig) -> None:
-    _at_least("algorithm.iterations", a.iterations, 1)
-    _at_least("algorithm.samples", a.samples, 2)
+    _between("algorithm.iterations", a.iterations, 1)
+    _between("algorithm.samples", a.samples, 2, MOST_SAMPLES)
     if a.covariance not in COVARIANCE_RULES:
         raise UserError(
             f"algorithm.covariance: no rule is named {a.covariance}{nearest(a.covariance, COVARIANCE_RULES)}"
@@ -250,3 +257,14 @@ def _check_signals(spec: Spec, task: Task) -> None:
 
 def _kind(dimension: int | None) -> str:
     return "a scalar" if dimension is None else f"a vector of {dimension}"
+
+
+def flatten(config: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested keys joined by dots."""
+    flat: dict[str, Any] = {}
+    for key, value in config.items():
+        if isinstance(value, Mapping) and value:
+            flat |= flatten(value, f"{prefix}{key}.")
+        else:
+            flat[f"{prefix}{key}"] = value
+    return flat

@@ -12,7 +12,7 @@ from typing import Any
 
 import yaml
 
-from tltlrl.config import KEYS, MACHINERY_DEFAULTS, Experiment, experiment_from
+from tltlrl.config import KEYS, MACHINERY_DEFAULTS, Experiment, experiment_from, flatten
 from tltlrl.engine import check_scheduler, run_all
 from tltlrl.errors import UserError
 from tltlrl.files import sweep, write_json, write_text
@@ -285,17 +285,6 @@ def _differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
 
 def _members(value: Any) -> set[Any]:
     return set(range(value)) if isinstance(value, int) else set(value or ())
-
-
-def flatten(config: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Nested keys joined by dots."""
-    flat: dict[str, Any] = {}
-    for key, value in config.items():
-        if isinstance(value, Mapping) and value:
-            flat |= flatten(value, f"{prefix}{key}.")
-        else:
-            flat[f"{prefix}{key}"] = value
-    return flat
 
 
 @contextlib.contextmanager

@@ -25,10 +25,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import yaml
 
-from tltlrl.config import Experiment, experiment_from
+from tltlrl.compose import parse
+from tltlrl.config import Experiment, experiment_from, flatten
 from tltlrl.engine import check_scheduler
 from tltlrl.errors import UserError
-from tltlrl.experiment import LOCK, LOG, flatten, lock, run_experiment
+from tltlrl.experiment import LOCK, LOG, lock, run_experiment
 from tltlrl.files import write_bytes, write_text
 from tltlrl.manifest import sha256
 from tltlrl.report import SUMMARY, SUMMARY_PAGE
@@ -112,15 +113,12 @@ def parse_space(overrides: Sequence[str]) -> tuple[list[str], dict[str, str], di
       The fixed ones; key => what is searched, as written; key => the same for Optuna.
 
     Raises:
-      UserError: if nothing is searched, or something that cannot be.
-      hydra.errors.HydraException: if an override cannot be read.
+      UserError: if nothing is searched, or something that cannot be, or an override cannot be read.
     """
-    from hydra.core.override_parser.overrides_parser import OverridesParser
-
     fixed: list[str] = []
     space: dict[str, str] = {}
     distributions: dict[str, BaseDistribution] = {}
-    for text, override in zip(overrides, OverridesParser.create().parse_overrides(list(overrides)), strict=True):
+    for text, override in zip(overrides, parse(overrides), strict=True):
         if not override.is_sweep_override():
             fixed.append(text)
             continue
@@ -152,7 +150,8 @@ def _distribution(key: str, text: str, override: Any) -> BaseDistribution:
             return distribution
     elif isinstance(sweep, IntervalSweep):
         low, high, log = sweep.start, sweep.end, "log" in sweep.tags
-        if sweep.tags <= {"log"} and low is not None and high is not None and low < high and (low > 0 or not log):
+        possible = low is not None and high is not None and low < high and (low > 0 or not log)
+        if possible and sweep.tags <= {"log"} and math.isfinite(low) and math.isfinite(high):
             return (IntDistribution if isinstance(low, int) else FloatDistribution)(low, high, log=log)
     elif isinstance(sweep, ChoiceSweep) and not sweep.shuffle:
         choices = list(override.sweep_string_iterator())
@@ -316,7 +315,7 @@ def _prepare(search: Search) -> None:
     if any(not entry.name.startswith(".") for entry in search.folder.iterdir()):
         try:
             before = yaml.safe_load(file.read_text())
-        except (OSError, yaml.YAMLError):
+        except (OSError, ValueError, yaml.YAMLError):  # ValueError: not UTF-8
             before = None
         if not isinstance(before, dict) or set(before) != set(record):
             raise UserError(
