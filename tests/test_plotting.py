@@ -90,7 +90,7 @@ def test_every_case_of_every_panel_is_in_the_legend(tmp_path, monkeypatch):
     assert [text.get_text() for text in legend.get_texts()] == list(LABELS.values())
 
 
-@pytest.mark.parametrize(("worst", "limits"), [(-0.5, []), (-0.7, [(-0.6, 0.23)])])
+@pytest.mark.parametrize(("worst", "limits"), [(-1.1, []), (-1.3, [(-0.6, 0.23)])])
 def test_a_second_panel_shows_what_is_near_zero_where_the_worst_curves_hide_it(tmp_path, monkeypatch, worst, limits):
     figures = []
     monkeypatch.setattr("tltlrl.plotting.save", lambda figure, _: figures.append(figure))

@@ -37,7 +37,8 @@ FONT: dict[Any, Any] = {"font.size": 9, "axes.titlesize": 9, "legend.fontsize": 
 FORMATS = {".png": {"Software": None}, ".pdf": {"CreationDate": None}}  # without what differs between two savings
 RESAMPLES = 2000
 BATCH = 4_000_000  # numbers at a time; the band is the same for any
-DETAIL = 3.0  # where curves reach further below 0 than this many times the best, a second row shows what is near 0
+DETAIL = 3.0  # a second row of panels reaches this many times as far below 0 as the best curve above,
+NEEDED = 6.0  # where the worst curve goes this many times as far
 CURVES = "learning_curves.csv"
 
 
@@ -129,7 +130,7 @@ def plot_learning_curves(experiments: list[pd.DataFrame], path: Path) -> None:
 def _detail(curves: pd.DataFrame) -> tuple[float, float] | None:
     """Limits of the panel near 0, if the curves need one."""
     best, worst = curves["robustness_mean"].max(), curves["robustness_mean"].min()
-    return (-DETAIL * best, 1.15 * best) if 0 < DETAIL * best < -worst else None
+    return (-DETAIL * best, 1.15 * best) if 0 < NEEDED * best < -worst else None
 
 
 def save(figure: Figure, path: Path) -> None:
