@@ -45,7 +45,8 @@ def make_up(run: Run, folder: Path) -> None:
     policy = Policy(np.zeros((d, features.shape[1])), commands, np.tile(np.eye(d), (steps, 1, 1)))
     successes = int(rng.integers(0, run.trials + 1))
     results = {"iterations": ITERATIONS, "robustness_policy": numbers[-1, 5], "satisfied": bool(numbers[-1, 5] > 0),
-               "trials": run.trials, "successes": successes, "outcomes": {}}  # fmt: skip
+               "trials": run.trials, "successes": successes, "outcomes": {}, "why_policy_fails": [],
+               "why_trials_fail": []}  # fmt: skip
     write_results(folder, run.identity(), policy, results)
 
 

@@ -143,6 +143,7 @@ def _cluster(workers: int, address: str | None) -> Iterator[str]:
 
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")  # inherited by the workers: parallelism lies between runs
+    os.environ.setdefault("DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED", "False")  # it stops them every 10 ms to look
     cluster = None
     try:
         cluster = _local_cluster(workers)
