@@ -29,6 +29,13 @@ TOPIC = "tltlrl-progress"
 REPORT_SECONDS = 0.5
 SCHEDULER_SECONDS = 10
 
+# Of a local cluster, inherited by its workers; Dask reads its part when it is imported.
+ENVIRONMENT = {
+    **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"),  # runs are what is parallel
+    "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False",  # it would stop the run every 10 ms to look at it,
+    "DASK_DISTRIBUTED__ADMIN__TICK__INTERVAL": "1s",  # and every process wake every 20 ms to see that it does
+}
+
 Job = tuple[Run, Path]
 OnProgress = Callable[[int, int], None]  # (index of the job, iterations done)
 OnEnd = Callable[[int, Exception | None], None]  # (index of the job, its error)
@@ -57,6 +64,8 @@ def run_all(jobs: list[Job], workers: int, address: str | None, on_progress: OnP
                 on_end(index, None)
         return
 
+    for name, value in ENVIRONMENT.items():
+        os.environ.setdefault(name, value)
     from distributed import as_completed
 
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # closing workers log their broken connections
@@ -141,9 +150,6 @@ def _cluster(workers: int, address: str | None) -> Iterator[str]:
         yield address
         return
 
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")  # inherited by the workers: parallelism lies between runs
-    os.environ.setdefault("DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED", "False")  # it stops them every 10 ms to look
     cluster = None
     try:
         cluster = _local_cluster(workers)
