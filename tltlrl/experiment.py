@@ -20,7 +20,7 @@ from tltlrl.manifest import end_session, manifest, read_manifest, sha256, start_
 from tltlrl.plotting import FORMATS
 from tltlrl.policy import Policy
 from tltlrl.progress import Progress
-from tltlrl.record import DONE, POLICY, DamagedError, read_checkpoint, read_policy, read_results
+from tltlrl.record import CHECKPOINT, DONE, POLICY, DamagedError, read_checkpoint, read_policy, read_results
 from tltlrl.report import write_report
 from tltlrl.training import Run
 from tltlrl.workspace import WORKSPACE, draw_workspace, drawable
@@ -86,6 +86,8 @@ def survey(folder: Path, experiment: Experiment) -> tuple[list[Run], int, list[s
             if read_results(path, run.identity()) is None:
                 missing.append(run)
                 read_checkpoint(path, run.identity())
+            elif (path / CHECKPOINT).exists():  # killed between its last two steps
+                (path / CHECKPOINT).unlink()
         except DamagedError as error:
             damages.append(f"{path}: {error}; the run is computed again")
             if run not in missing[-1:]:
@@ -112,6 +114,7 @@ def draw_cases(folder: Path, experiment: Experiment, results: Mapping[Path, Mapp
     if not drawable(experiment.task):
         return
     for case in experiment.cases:
+        sweep(folder / case.name)
         runs = {run_folder(folder, run): run for run in experiment.runs() if run.case == case}
         done = sorted((path for path in runs if path in results), key=lambda path: results[path]["robustness_policy"])
         pictures = [folder / case.name / f"{WORKSPACE}{suffix}" for suffix in FORMATS]
