@@ -49,7 +49,7 @@ bench: $(READY)
 
 ## make fuzz: 100 000 mutated specs, each of which must give a formula or a message
 fuzz: $(READY)
-	TLTL_FUZZ=100000 $(BIN)/python -m pytest tests/spec/test_language.py -k fuzz
+	TLTL_FUZZ=100000 $(BIN)/python -m pytest tests/logic/test_language.py -k fuzz
 
 ## make kill: tltl-run killed at 3 x 20 moments of its writing, with one and two workers, and started again (TLTL_KILLS=20)
 kill: $(READY)

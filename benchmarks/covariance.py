@@ -25,11 +25,11 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.lockstep import Array, Fit, Kinematic, Learner, train
-from tltlrl.compose import compose
-from tltlrl.config import experiment_from
-from tltlrl.reps import fit
-from tltlrl.rollout import Simulator
-from tltlrl.training import initial_policy
+from tltlrl.config.compose import compose
+from tltlrl.config.read import experiment_from
+from tltlrl.learning.reps import fit
+from tltlrl.simulation.rollout import Simulator
+from tltlrl.training.loop import initial_policy
 
 RESULTS = Path(__file__).parent.parent / "docs" / "covariance.csv"
 DIMENSIONS = 3  # joint-velocity commands of the planar arm

@@ -24,11 +24,11 @@ from typing import Any
 import pandas as pd
 
 from benchmarks.lockstep import Kinematic, Learner, train
-from tltlrl.compose import compose
-from tltlrl.config import experiment_from
-from tltlrl.reps import fit
-from tltlrl.rollout import Simulator
-from tltlrl.training import Run, initial_policy
+from tltlrl.config.compose import compose
+from tltlrl.config.read import experiment_from
+from tltlrl.learning.reps import fit
+from tltlrl.simulation.rollout import Simulator
+from tltlrl.training.loop import Run, initial_policy
 
 DOCS = Path(__file__).parent.parent / "docs"
 SEEDS = (100, 101, 102, 103)

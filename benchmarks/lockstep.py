@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tltlrl.policy import Policy
-from tltlrl.reps import reward_to_go, solve_dual
-from tltlrl.rollout import Simulator, Trajectories
-from tltlrl.spec import Spec
+from tltlrl.learning.policy import Policy
+from tltlrl.learning.reps import reward_to_go, solve_dual
+from tltlrl.logic import Spec
+from tltlrl.simulation.rollout import Simulator, Trajectories
 from tltlrl.tasks.planar_arm import forward_kinematics
 from tltlrl.tasks.task import CONTROL_TIMESTEP, StepReward, Task
 

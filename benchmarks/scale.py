@@ -12,14 +12,14 @@ import numpy as np
 import psutil
 
 from benchmarks.simulation import Row, seconds
-from tltlrl.compose import compose
-from tltlrl.config import Experiment, experiment_from
-from tltlrl.experiment import finished, run_folder, survey
-from tltlrl.plotting import plot_learning_curves, read_curves
-from tltlrl.policy import Policy
-from tltlrl.record import PROGRESS, write_results
-from tltlrl.report import write_report
-from tltlrl.training import PROGRESS_COLUMNS, Run
+from tltlrl.config.compose import compose
+from tltlrl.config.read import Experiment, experiment_from
+from tltlrl.experiments.experiment import finished, run_folder, survey
+from tltlrl.learning.policy import Policy
+from tltlrl.reports.plotting import plot_learning_curves, read_curves
+from tltlrl.reports.report import write_report
+from tltlrl.store.record import PROGRESS, write_results
+from tltlrl.training.loop import PROGRESS_COLUMNS, Run
 
 TASKS = ("reach_avoid", "visit_in_order", "toast")
 ITERATIONS, SEEDS = 500, 20

@@ -12,14 +12,14 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from tltlrl.compose import compose
-from tltlrl.config import experiment_from
-from tltlrl.engine import run_all
-from tltlrl.policy import Policy
-from tltlrl.reps import episode_based
-from tltlrl.rollout import Simulator
+from tltlrl.config.compose import compose
+from tltlrl.config.read import experiment_from
+from tltlrl.experiments.engine import run_all
+from tltlrl.learning.policy import Policy
+from tltlrl.learning.reps import episode_based
+from tltlrl.simulation.rollout import Simulator
 from tltlrl.tasks.task import CONTROL_TIMESTEP, environment
-from tltlrl.training import Run, initial_policy, iterate
+from tltlrl.training.loop import Run, initial_policy, iterate
 
 Row = tuple[str, float, float | None, str]  # what, measured, target if any, ">=" or "<="
 

@@ -19,13 +19,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from tltlrl.evaluation import mean_motion
-from tltlrl.experiment import open_run
-from tltlrl.policy import Policy
-from tltlrl.rollout import Simulator
-from tltlrl.spec import Spec
+from tltlrl.experiments.experiment import open_run
+from tltlrl.learning.policy import Policy
+from tltlrl.logic import Spec
+from tltlrl.simulation.rollout import Simulator
+from tltlrl.simulation.trials import mean_motion
 from tltlrl.tasks.task import CONTROL_TIMESTEP, Signals
-from tltlrl.training import DONE, Run, initial_policy, try_policy
+from tltlrl.training.loop import DONE, Run, initial_policy, try_policy
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import sentil
 
-from tltlrl.spec import Spec, load_spec, parse_spec
+from tltlrl.logic import Spec, load_spec, parse_spec
 
 SPECS = Path(__file__).parent.parent / "specs"
 

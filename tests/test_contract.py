@@ -8,15 +8,15 @@ from absl.testing import absltest
 from dm_env import test_utils
 
 import tltlrl
-from tltlrl.compose import compose
-from tltlrl.config import experiment_from
-from tltlrl.policy import Policy
+from tltlrl.config.compose import compose
+from tltlrl.config.read import experiment_from
+from tltlrl.learning.policy import Policy
+from tltlrl.logic import load_spec
 from tltlrl.resources import SPECS
-from tltlrl.rollout import Simulator
-from tltlrl.spec import load_spec
+from tltlrl.simulation.rollout import Simulator
 from tltlrl.tasks import TASKS, make_default
 from tltlrl.tasks.task import environment
-from tltlrl.training import case_names, initial_policy, iterate
+from tltlrl.training.loop import case_names, initial_policy, iterate
 
 SPEC_NAMES = sorted(path.stem for path in SPECS.glob("*.tltl"))
 

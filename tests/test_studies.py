@@ -9,13 +9,13 @@ import pytest
 
 from benchmarks import covariance, grid_search, smoothness
 from benchmarks.lockstep import Kinematic, Learner, train
-from tltlrl import cli
-from tltlrl.claims import claim_lines
-from tltlrl.config import experiment_from
-from tltlrl.report import summary_page
-from tltlrl.reps import fit
-from tltlrl.rollout import Simulator
-from tltlrl.training import initial_policy, iterate
+from tltlrl.cli import main as cli
+from tltlrl.config.read import experiment_from
+from tltlrl.learning.reps import fit
+from tltlrl.reports.claims import claim_lines
+from tltlrl.reports.report import summary_page
+from tltlrl.simulation.rollout import Simulator
+from tltlrl.training.loop import initial_policy, iterate
 
 # Some touch the table and end early; what they command after that is no part of the robustness.
 TOUCHING_THE_TABLE = ("algorithm.initial_std=1.0", "algorithm.feedback=-1.0", "spec=toast_smooth.tltl")

@@ -46,12 +46,13 @@ def test_every_config_and_spec_is_in_the_wheel(installed):
         }
         assert inside == {path.relative_to(ROOT / source) for path in (ROOT / source).rglob("*.*")}
     assert (installed / "tltlrl/tasks/planar_arm.xml").exists()
-    assert (installed / "tltlrl/spec/grammar.lark").exists()
+    assert (installed / "tltlrl/logic/grammar.lark").exists()
 
 
 def test_an_experiment_runs_from_another_folder(installed, tmp_path):
     code = (
-        "import tltlrl; assert tltlrl.__file__.startswith(sys.path[0]), tltlrl.__file__; from tltlrl.cli import run; "
+        "import tltlrl; assert tltlrl.__file__.startswith(sys.path[0]), tltlrl.__file__; "
+        "from tltlrl.cli.main import run; "
         "sys.exit(run(['experiment=reach_avoid', 'seeds=1', 'cases=[tltl_episodic]', 'workers=1', 'trials=2', "
         "'algorithm.iterations=1', 'task.steps=10']))"
     )
@@ -62,7 +63,7 @@ def test_an_experiment_runs_from_another_folder(installed, tmp_path):
 
 def test_a_spec_alone_loads_neither_mujoco_nor_hydra(installed, tmp_path):
     done = python(
-        "import tltlrl.spec, tltlrl.reps; tltlrl.spec.parse_spec('F x > 0'); "
+        "import tltlrl.logic, tltlrl.learning.reps; tltlrl.logic.parse_spec('F x > 0'); "
         "print({'mujoco', 'dm_control', 'hydra', 'matplotlib', 'pandas'} & sys.modules.keys())",
         installed,
         tmp_path,

@@ -4,7 +4,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tltlrl.spec import SpecError, TraceError, load_spec, parse_spec
+    from tltlrl.logic import SpecError, TraceError, load_spec, parse_spec
     from tltlrl.tasks import load_task
 
 __all__ = ["SpecError", "TraceError", "load_spec", "load_task", "parse_spec"]
@@ -13,5 +13,5 @@ __all__ = ["SpecError", "TraceError", "load_spec", "load_task", "parse_spec"]
 def __getattr__(name: str) -> Any:
     """On first use: a spec alone must not load MuJoCo, and a command that starts not even NumPy."""
     if name in __all__:
-        return getattr(importlib.import_module("tltlrl.tasks" if name == "load_task" else "tltlrl.spec"), name)
+        return getattr(importlib.import_module("tltlrl.tasks" if name == "load_task" else "tltlrl.logic"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

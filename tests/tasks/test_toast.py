@@ -11,9 +11,9 @@ from lxml import etree
 from scipy.spatial.transform import Rotation
 
 from tltlrl.errors import UserError
+from tltlrl.logic import load_spec
 from tltlrl.resources import spec_path
-from tltlrl.rollout import Simulator
-from tltlrl.spec import load_spec
+from tltlrl.simulation.rollout import Simulator
 from tltlrl.tasks import default_settings, toast
 from tltlrl.tasks.task import environment
 

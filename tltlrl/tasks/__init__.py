@@ -9,15 +9,15 @@ from typing import Any
 
 import yaml
 
-from tltlrl.headless import choose_renderer
+from tltlrl.tasks.headless import choose_renderer
 
 choose_renderer()  # before anything imports dm_control; hence the imports below
 
 from dm_control.rl import control
 
 from tltlrl.errors import UserError, nearest
+from tltlrl.logic import load_spec
 from tltlrl.resources import CONFIGS, spec_path
-from tltlrl.spec import load_spec
 from tltlrl.tasks import planar_arm, toast
 from tltlrl.tasks.task import StepReward, Task, environment
 

@@ -1,7 +1,7 @@
 """The contract between a task and the rest: one class, two ways in.
 
 `dm_env` users step a task through `dm_control.rl.control.Environment`; training steps the same physics model in
-batches (`tltlrl.rollout`). A task therefore states its features twice: from a live `Physics`, with its named
+batches (`tltlrl.simulation.rollout`). A task therefore states its features twice: from a live `Physics`, with its named
 quantities, and from arrays of positions and velocities. A test holds the two against each other.
 """
 

@@ -1,0 +1,164 @@
+"""`tltl check`, through its parser and its function."""
+
+import argparse
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tltlrl.cli.check import add_parser, check
+from tltlrl.cli.main import main
+from tltlrl.errors import UserError
+from tltlrl.logic import SpecError
+
+SPECS = Path(__file__).parents[2] / "specs"
+
+
+@pytest.fixture
+def trace(tmp_path):
+    """The end-effector goes straight from (1, 1.5) to the goal, between the obstacles, and overshoots a little."""
+
+    def write(header="t,ee.x,ee.y", offset=0.0):
+        path = tmp_path / "trace.csv"
+        x = np.concatenate((np.linspace(1, -1.2, 40), np.full(20, -1.2 + offset)))
+        y = np.concatenate((np.linspace(1.3, 1.4, 40), np.full(20, 1.4)))
+        rows = [f"{t},{a},{b}" for t, (a, b) in enumerate(zip(x, y, strict=True))]
+        path.write_text("\n".join([header, *rows, ""]), encoding="utf-8")
+        return path
+
+    return write
+
+
+def tltl(*arguments):
+    parser = argparse.ArgumentParser(prog="tltl")
+    add_parser(parser.add_subparsers(required=True))
+    parsed = parser.parse_args(["check", *map(str, arguments)])
+    return parsed.command(parsed)
+
+
+def test_without_a_trace(capsys):
+    assert tltl(SPECS / "reach_avoid.tltl") == 0
+    assert capsys.readouterr().out == (
+        f"spec         {SPECS / 'reach_avoid.tltl'}\n"
+        "formula      F G at_goal & G safe\n"
+        "named        at_goal: d_g < goal_radius\n"
+        "             safe: all i in 1, 2: d_o[i] > obstacle_radius[i]\n"
+        "signals      ee, vector of 2: columns ee.x, ee.y\n"
+        "constants    goal = (-1.2, 1.4)\n"
+        "             goal_radius = 0.2\n"
+        "             obstacle = {1: (0.3, 2), 2: (-0.6, 0.6)}\n"
+        "             obstacle_radius = {1: 0.5, 2: 0.4}\n"
+        "horizon      the whole trajectory\n"
+    )
+
+
+@pytest.mark.parametrize("header", ["t,ee.x,ee.y", "t,ee[0],ee[1]", "time , ee.x , ee.y "])
+def test_a_satisfied_trace(header, trace, capsys):
+    assert tltl(SPECS / "reach_avoid.tltl", trace(header)) == 0
+    out = capsys.readouterr().out
+    assert "robustness   +0.167" in out
+    assert "verdict      satisfied" in out
+    assert "by d_o[1] > obstacle_radius[1] in safe, margin +0.167" in out
+
+
+def test_a_violated_trace_is_a_result(trace, capsys):
+    assert tltl(SPECS / "reach_avoid.tltl", trace(offset=0.25)) == 1
+    out = capsys.readouterr().out
+    assert "robustness   -0.05\n" in out
+    assert "verdict      violated\n" in out
+    assert "by d_g < goal_radius in at_goal, margin -0.05 (" in out
+    assert "at step 0" in out
+
+
+def test_constants_are_set(trace, capsys):
+    assert tltl(SPECS / "reach_avoid.tltl", trace(offset=0.25), "--set", "goal_radius=0.3") == 0
+    assert tltl(SPECS / "visit_in_order.tltl", "--set", "goal.r=[1,2]", "--set", "goal.g=[3,4]") == 0
+    assert "goal = {r: (1, 2), g: (3, 4), b: (1.6, 0.6)}" in capsys.readouterr().out
+    with pytest.raises(UserError, match="not a number or a list"):
+        tltl(SPECS / "reach_avoid.tltl", "--set", "goal_radius=wide")
+    with pytest.raises(UserError, match="not a number or a list"):
+        tltl(SPECS / "reach_avoid.tltl", "--set", "goal_radius=" + "9" * 5000)
+    with pytest.raises(SpecError, match=r"give all of it at once, as goal=\[-1.2,1.4\]"):
+        tltl(SPECS / "reach_avoid.tltl", "--set", "goal.0=1.6", "--set", "goal.1=1.4")
+    for twice in (["goal_radius=1", "goal_radius=2"], ["obstacle.1=[1,2]", 'obstacle={"2":[0,0]}']):
+        with pytest.raises(UserError, match="is set before; expected each once; delete one"):
+            tltl(SPECS / "reach_avoid.tltl", "--set", twice[0], "--set", twice[1])
+    with pytest.raises(SpecError, match="did you mean 'goal_radius'"):
+        tltl(SPECS / "reach_avoid.tltl", "--set", "goal_radus=1")
+
+
+@pytest.mark.parametrize("name", ["picture.png", "picture.pdf"])
+def test_a_picture(name, trace, tmp_path, capsys):
+    assert tltl(SPECS / "reach_avoid.tltl", trace(), "--plot", tmp_path / name) == 0
+    assert (tmp_path / name).stat().st_size > 5000
+    assert f"picture      {tmp_path / name}" in capsys.readouterr().out
+    for path in (tmp_path / "picture.doc", tmp_path / "picture", tmp_path / "picture.ps"):
+        with pytest.raises(UserError, match=r"expected one of \.png, \.pdf, \.svg"):
+            tltl(SPECS / "reach_avoid.tltl", trace(), "--plot", path)
+    with pytest.raises(UserError, match=r"there is no folder .*none for the picture"):
+        tltl(SPECS / "reach_avoid.tltl", trace(), "--plot", tmp_path / "none" / "picture.png")
+    with pytest.raises(UserError, match="--plot draws a trace"):
+        tltl(SPECS / "reach_avoid.tltl", "--plot", tmp_path / "a.png")
+
+
+def test_names_that_begin_with_an_underscore_are_in_the_legend(tmp_path):
+    (tmp_path / "task.tltl").write_text("F _x < 1")
+    (tmp_path / "trace.csv").write_text("_x\n0.5\n2\n")
+    assert tltl(tmp_path / "task.tltl", tmp_path / "trace.csv", "--plot", tmp_path / "picture.svg") == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", r"trace.csv:1:1: the file is empty; expected a row of column names"),
+        ("x\n", r"trace.csv:2:1: there are no samples"),
+        ("y\n1\n", r"trace.csv:1:1: there is no column x; there are: y"),
+        ("x\n1\na\n", r"trace.csv:3:1: x is 'a'; expected a finite number"),
+        ("y,x\n1,2\n1\n", r"trace.csv:3:2: the row has 1 cell; expected 2, as the header; complete it or delete it"),
+        ("x\n0,5\n0,7\n", r"trace.csv:2:2: the row has 2 cells; expected 1, as the header; write decimal points"),
+        ("x,x\n1,2\n", r"trace.csv:1:2: there are 2 columns x; expected one; delete or rename the others"),
+        ("x\n1_000\n", r"trace.csv:2:1: x is '1_000'; expected a finite number"),
+        ("x\n1\nnan\n", r"trace.csv:3:1: x is 'nan'; expected a finite number; repair the recording"),
+        ('note,x\n"two\nlines",1\n,-inf\n', r"trace.csv:4:2: x is '-inf'; expected a finite number"),
+        ("\nx\n\na\n", r"trace.csv:4:1: x is 'a'; expected a finite number"),
+        ("\n\ny\n1\n", r"trace.csv:3:1: there is no column x; there are: y"),
+    ],
+)
+def test_a_wrong_trace(text, message, tmp_path):
+    (tmp_path / "task.tltl").write_text("F G x < 1")
+    (tmp_path / "trace.csv").write_text(text)
+    with pytest.raises(UserError, match=message):
+        check(tmp_path / "task.tltl", tmp_path / "trace.csv", out=io.StringIO())
+
+
+def test_a_component_in_both_spellings(trace):
+    with pytest.raises(UserError, match=r"trace.csv:1:3: there are 2 columns ee.x; expected one"):
+        tltl(SPECS / "reach_avoid.tltl", trace("ee.x,ee.y,ee[0]"))
+
+
+def test_what_is_not_there(tmp_path):
+    with pytest.raises(UserError, match=r"none.tltl: the spec cannot be read: No such file"):
+        check(tmp_path / "none.tltl")
+    (tmp_path / "task.tltl").write_text("F G x < 1")
+    with pytest.raises(UserError, match=r"none.csv: the trace cannot be read"):
+        check(tmp_path / "task.tltl", tmp_path / "none.csv", out=io.StringIO())
+
+
+def test_a_value_of_zero_has_no_sign_of_its_own(tmp_path, capsys):
+    (tmp_path / "task.tltl").write_text("!(x < 1)")
+    (tmp_path / "trace.csv").write_text("x\n1\n")
+    assert tltl(tmp_path / "task.tltl", tmp_path / "trace.csv") == 1
+    out = capsys.readouterr().out
+    assert "robustness   +0\n" in out
+    assert "verdict      undecided\n" in out
+
+
+def test_a_mistake_is_one_message_and_exit_code_2(tmp_path, capsys):
+    (tmp_path / "task.tltl").write_text("F G y < 1")
+    (tmp_path / "trace.csv").write_text("x\n1\n")
+    with pytest.raises(SystemExit) as left:
+        main(["check", str(tmp_path / "task.tltl"), str(tmp_path / "trace.csv")])
+    assert left.value.code == 2
+    told = capsys.readouterr().err
+    assert told == f"tltl: {tmp_path}/trace.csv:1:1: there is no column y; there are: x\n"

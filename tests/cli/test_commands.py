@@ -1,0 +1,105 @@
+"""tltl evaluate, render and plot on a small finished run, and on what is not one."""
+
+import re
+import shutil
+
+import pytest
+
+from tltlrl.cli import main as cli
+from tltlrl.config.compose import compose
+from tltlrl.config.read import experiment_from
+from tltlrl.experiments.experiment import run_experiment
+
+RUN = "tltl_episodic/seed_0"
+
+
+@pytest.fixture(scope="module")
+def experiment(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("runs")
+    overrides = ["experiment=reach_avoid", "seeds=2", "cases=[tltl_episodic,continuous_step]", "trials=2", "workers=1"]
+    settings = compose([*overrides, "task.steps=12", "algorithm.iterations=2", f"runs_dir={folder}"])
+    assert run_experiment(experiment_from(settings), ["test"])
+    return folder / "reach_avoid"
+
+
+def tltl(capsys, *arguments):
+    with pytest.raises(SystemExit) as ended:
+        cli.main([str(argument) for argument in arguments])
+    printed = capsys.readouterr()
+    return ended.value.code, printed.out, printed.err
+
+
+def test_evaluate_counts_its_trials_and_repeats_with_the_same_seed(experiment, capsys):
+    code, first, _ = tltl(capsys, "evaluate", experiment / RUN, "--trials", 7, "--seed", 3)
+    assert code == 0
+    trials = re.findall(r"^trial (\d): robustness ([+-][\d.]+), (satisfied|violated)\b", first, flags=re.MULTILINE)
+    assert [int(number) for number, _, _ in trials] == list(range(7))
+    assert all((float(value) > 0) == (verdict == "satisfied") for _, value, verdict in trials)
+    satisfied = sum(verdict == "satisfied" for _, _, verdict in trials)
+    assert f"success rate {satisfied}/7 = {satisfied / 7:.2f}" in first
+    assert tltl(capsys, "evaluate", experiment / RUN, "--trials", 7, "--seed", 3)[1] == first
+    assert tltl(capsys, "evaluate", experiment / RUN, "--trials", 7, "--seed", 4)[1] != first
+
+
+def test_plot_redraws_from_the_csv_alone(experiment, tmp_path, capsys):
+    shutil.copy(experiment / "learning_curves.csv", tmp_path)
+    code, output, _ = tltl(capsys, "plot", tmp_path, tmp_path, "--output", tmp_path / "both")
+    assert code == 0
+    assert output == f"{tmp_path}/both.png, {tmp_path}/both.pdf\n"
+    assert (tmp_path / "both.png").stat().st_size > 0
+
+
+def test_render_draws_the_workspace_and_the_motion_or_says_what_it_misses(experiment, tmp_path, capsys):
+    code, _, errors = tltl(capsys, "render", experiment / RUN, "--output", tmp_path)
+    assert (tmp_path / "workspace.png").stat().st_size > 0
+    if code == 0:
+        assert (tmp_path / "motion.gif").read_bytes().startswith(b"GIF89a")
+        assert (tmp_path / "motion.png").stat().st_size > 0
+    else:
+        assert code == 2
+        assert "no picture can be rendered on this machine" in errors
+
+
+@pytest.mark.parametrize("command", ["evaluate", "render"])
+@pytest.mark.parametrize("what", ["missing", "an experiment", "unfinished", "damaged policy", "damaged config"])
+def test_what_is_not_a_finished_run_is_told(experiment, tmp_path, capsys, command, what):
+    copy = tmp_path / "copy"
+    shutil.copytree(experiment, copy)
+    folder = copy / RUN
+    if what == "missing":
+        folder = tmp_path / "nothing" / "seed_0"
+    elif what == "an experiment":
+        folder = copy
+    elif what == "unfinished":
+        (folder / "done.json").unlink()
+    elif what == "damaged policy":
+        (folder / "policy.npz").write_bytes((folder / "policy.npz").read_bytes()[:200])
+    else:
+        (copy / "config.yaml").write_text("{")
+    code, output, errors = tltl(capsys, command, folder)
+    assert (code, output) == (2, "")
+    assert errors.startswith(f"tltl: {folder} is not the folder of a finished run (")
+    assert "Traceback" not in errors
+
+
+def test_plot_of_what_is_not_an_experiment_is_told(tmp_path, capsys):
+    code, _, errors = tltl(capsys, "plot", tmp_path)
+    assert code == 2
+    assert errors.startswith(f"tltl: {tmp_path}/learning_curves.csv cannot be read (")
+
+
+def test_evaluate_refuses_nonsense(experiment, capsys):
+    code, _, errors = tltl(capsys, "evaluate", experiment / RUN, "--trials", 0)
+    assert (code, errors) == (2, "tltl: --trials must lie between 1 and 10000, and --seed be at least 0\n")
+
+
+def test_a_policy_file_with_pickled_objects_is_refused(experiment, tmp_path, capsys):
+    """Reading a run never runs code."""
+    import numpy as np
+
+    copy = tmp_path / "copy"
+    shutil.copytree(experiment, copy)
+    np.savez(copy / RUN / "policy.npz", gain=np.array([print], dtype=object), allow_pickle=True)
+    code, _, errors = tltl(capsys, "evaluate", copy / RUN)
+    assert code == 2
+    assert "allow_pickle=False" in errors

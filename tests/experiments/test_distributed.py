@@ -1,0 +1,143 @@
+"""A scheduler and workers of their own, as on a cluster; one worker is killed on the way."""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tltlrl.errors import UserError
+from tltlrl.experiments import engine
+
+SETTINGS = (
+    "experiment=reach_avoid", "name=small", "seeds=3", "cases=[tltl_episodic]", "algorithm.iterations=300",
+    "algorithm.samples=8", "algorithm.epsilon=0.5", "task.steps=60", "trials=3",
+)  # fmt: skip
+
+
+def tltl_run(folder, *arguments):
+    done = subprocess.run(
+        [sys.executable, "-c", "import sys; from tltlrl.cli.main import run; sys.exit(run(sys.argv[1:]))", *arguments],
+        cwd=folder, capture_output=True, text=True, timeout=300, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    files = sorted(folder.glob("runs/small/**/progress.csv")) + sorted(folder.glob("runs/small/**/policy.npz"))
+    return {str(path.relative_to(folder)): path.read_bytes() for path in [*files, folder / "runs/small/summary.csv"]}
+
+
+@pytest.fixture
+def cluster(tmp_path):
+    """Address of a scheduler with two worker processes, and the processes."""
+    address = tmp_path / "address.json"
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": tmp_path}
+    dask = [str(Path(sys.executable).with_name("dask"))]
+    options = ["--scheduler-file", str(address), "--no-dashboard"]
+    scheduler = subprocess.Popen([*dask, "scheduler", "--port", "0", "--host", "127.0.0.1", *options], **quiet)
+    worker = [*dask, "worker", "--nthreads", "1", "--no-nanny", *options]
+    workers = [subprocess.Popen(worker, **quiet) for _ in range(2)]
+    deadline = time.monotonic() + 60
+    while not address.exists() and time.monotonic() < deadline:
+        time.sleep(0.1)
+    yield json.loads(address.read_text())["address"], workers
+    for process in [*workers, scheduler]:
+        process.kill()
+        process.wait()
+
+
+def test_a_scheduler_of_ones_own_gives_the_same_bytes_even_if_a_worker_is_killed(cluster, tmp_path):
+    address, workers = cluster
+    for name in ("alone", "spread"):
+        (tmp_path / name).mkdir()
+    alone = tltl_run(tmp_path / "alone", *SETTINGS, "workers=1")
+    pid = os.fork()
+    if pid == 0:  # kills one worker when each is in the middle of a run
+        deadline = time.monotonic() + 60
+        while time.monotonic() < deadline:
+            begun = {path.parent for path in tmp_path.glob("spread/runs/small/*/*/progress.csv")}
+            ended = {path.parent for path in tmp_path.glob("spread/runs/small/*/*/done.json")}
+            if len(begun - ended) == 2:
+                os.kill(workers[0].pid, signal.SIGKILL)
+                os._exit(0)
+            time.sleep(0.01)
+        os._exit(1)
+    try:
+        arguments = (f"engine.address={address}", f"runs_dir={tmp_path}/spread/runs")
+        spread = tltl_run(tmp_path / "spread", *SETTINGS, *arguments)
+    finally:
+        _, status = os.waitpid(pid, 0)
+    assert status == 0, "two runs were never under way at once"
+    assert workers[0].wait(10) == -signal.SIGKILL
+    assert spread == alone
+
+
+def test_a_scheduler_that_is_not_there_is_told(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-c", "import sys; from tltlrl.cli.main import run; sys.exit(run(sys.argv[1:]))", *SETTINGS,
+         "engine.address=tcp://127.0.0.1:1"],
+        cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert "engine.address: no scheduler answers at tcp://127.0.0.1:1 (" in done.stderr
+    assert not (tmp_path / "runs").exists()
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("who", ["silent", "worker"])
+def test_what_answers_but_is_no_scheduler_is_told(who, monkeypatch, request):
+    monkeypatch.setattr(engine, "SCHEDULER_SECONDS", 2)
+    if who == "silent":
+        listener = socket.create_server(("127.0.0.1", 0))
+        request.addfinalizer(listener.close)
+        address, reason = f"tcp://127.0.0.1:{listener.getsockname()[1]}", ""
+    else:
+        scheduler, _ = request.getfixturevalue("cluster")
+        from distributed import Client
+
+        with Client(scheduler, set_as_default=False) as client:
+            client.wait_for_workers(1, timeout=30)
+            (address, *_), reason = client.scheduler_info()["workers"], "there is a Worker"
+    with pytest.raises(UserError, match=rf"no scheduler answers at {address} \({reason}.*\); start one"):
+        engine.check_scheduler(address)
+
+
+@pytest.mark.parametrize(("lowest", "code"), [("-8", 0), ("9", 1)])
+def test_hydras_submitit_launcher_gives_each_combination_a_process_and_its_failure_an_exit_code(tmp_path, lowest, code):
+    """The root has no value where the arm is below `low`."""
+    (tmp_path / "root.tltl").write_text("signal ee[2]\nconst low = 0\nspec: F G (sqrt(ee.y - low) > 0.3)\n")
+    small = ("experiment=reach_avoid", "name=small", "seeds=1", "cases=[tltl_episodic]", "algorithm.iterations=2",
+             "spec=root.tltl", "algorithm.samples=8", "task.steps=20", "trials=2", "workers=1")  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-c", "import sys; from tltlrl.cli.main import run; sys.exit(run(sys.argv[1:]))", "-m",
+         "hydra/launcher=submitit_local", *small, f"constants.low={lowest},-9", "algorithm.epsilon=0.5"],
+        cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert done.returncode == code, done.stderr
+    assert "Traceback" not in done.stderr
+    assert (tmp_path / "runs/small,constants.low=-9/summary.csv").exists()  # whatever the other one did
+    assert (tmp_path / f"runs/small,constants.low={lowest}/summary.csv").exists() == (code == 0)
+    if code:
+        assert "1 of 2 experiments failed: small,constants.low=9;" in done.stderr
+        logs = [path.read_text() for path in tmp_path.glob("runs/.submitit/*/*.err")]
+        assert any("FAILED: TraceError" in log for log in logs)
+
+
+def test_the_clusters_pages_commands(tmp_path):
+    """The first block of docs/clusters.md as written, in small, and the job script's as far as bash can tell."""
+    page = (Path(__file__).parents[2] / "docs/clusters.md").read_text()
+    (tmp_path / ".venv").symlink_to(sys.prefix)
+    block = page.split("```sh\n")[1].split("```")[0].replace("8786", "18786")
+    small = " ".join(SETTINGS).replace("iterations=300", "iterations=2").replace("experiment=reach_avoid ", "")
+    command = block.replace("tltl-run experiment=reach_avoid", f"tltl-run experiment=reach_avoid {small}")
+    script = f"set -e\ntrap 'kill $(jobs -p)' EXIT\n{command}"
+    done = subprocess.run(
+        ["bash", "-c", script], cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "runs/small/summary.csv").exists()
+    sbatch = page.split("```sbatch\n")[1].split("```")[0]
+    subprocess.run(["bash", "-n"], input=sbatch, text=True, check=True, timeout=10)

@@ -1,0 +1,85 @@
+"""The definition of TLTL robustness, as slow and as obvious as it can be written: the judge of the fast
+evaluator.
+
+`robustness(f, trace, t, e)` is the value of f on the slice [t, e) of one trajectory, trace[name][t] being a
+float. Only what the random formulas of strategies.py hold is read: numbers, names of scalar signals, every
+formula operator.
+"""
+
+from math import inf
+
+from tltlrl.logic import syntax as s
+
+
+def number(f, trace, t):
+    match f:
+        case s.Number(value):
+            return value
+        case s.Name(name):
+            return trace[name][t]
+        case s.Negative(a):
+            return -number(a, trace, t)
+        case s.Arithmetic("+", a, b):
+            return number(a, trace, t) + number(b, trace, t)
+        case s.Arithmetic("-", a, b):
+            return number(a, trace, t) - number(b, trace, t)
+        case s.Arithmetic("*", a, b):
+            return number(a, trace, t) * number(b, trace, t)
+        case s.Call("abs", (a,)):
+            return abs(number(a, trace, t))
+        case s.Call("max", operands):
+            return max(number(a, trace, t) for a in operands)
+    raise TypeError(f)
+
+
+def robustness(f, trace, t, e):
+    def rho(g, t, e):
+        return robustness(g, trace, t, e)
+
+    def window(interval):
+        """The times t + [a, b], cut at the end of the slice."""
+        a, b = (0, e) if interval is None else (int(interval.lower.value), int(interval.upper.value))
+        return range(min(t + a, e), min(t + b + 1, e))
+
+    match f:
+        case s.Comparison(operands, operators):
+            margins = []
+            for a, b, operator in zip(operands, operands[1:], operators, strict=False):
+                difference = number(b, trace, t) - number(a, trace, t)
+                margins.append(difference if operator in ("<", "<=") else -difference)
+            return min(margins)
+        case s.Not(p):
+            return -rho(p, t, e)
+        case s.And(operands):
+            return min(rho(p, t, e) for p in operands)
+        case s.Or(operands):
+            return max(rho(p, t, e) for p in operands)
+        case s.Implies(p, q):
+            return max(-rho(p, t, e), rho(q, t, e))
+        case s.Iff(p, q):
+            return min(max(-rho(p, t, e), rho(q, t, e)), max(-rho(q, t, e), rho(p, t, e)))
+        case s.Next(p, strong):
+            return rho(p, t + 1, e) if t + 1 < e else (-inf if strong else inf)
+        case s.Always(p, interval):
+            return min((rho(p, k, e) for k in window(interval)), default=inf)
+        case s.Eventually(p, interval):
+            return max((rho(p, k, e) for k in window(interval)), default=-inf)
+        case s.Until(p, q, interval):
+            return max(
+                (min(rho(q, k, e), min((rho(p, j, k) for j in range(t, k)), default=inf)) for k in window(interval)),
+                default=-inf,
+            )
+        case s.Release(p, q, interval):
+            return min(
+                (max(rho(q, k, e), max((rho(p, j, k) for j in range(t, k)), default=-inf)) for k in window(interval)),
+                default=inf,
+            )
+        case s.WeakUntil(p, q):
+            return max(rho(s.Until(p, q), t, e), min(rho(p, j, e) for j in range(t, e)))
+        case s.Then(p, q):
+            return max(min(rho(q, k, e), max((rho(p, j, k) for j in range(t, k)), default=-inf)) for k in range(t, e))
+        case s.ForEach("all", _, labels, p):
+            return min(rho(p, t, e) for _ in labels)
+        case s.ForEach("any", _, labels, p):
+            return max(rho(p, t, e) for _ in labels)
+    raise TypeError(f)

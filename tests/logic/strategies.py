@@ -1,0 +1,83 @@
+"""Random formulas and random batches of trajectories, for hypothesis."""
+
+import numpy as np
+from hypothesis import strategies as st
+
+from tltlrl.logic import syntax as s
+
+SIGNALS = ("x", "y", "z")
+# Multiples of 1/4 keep all arithmetic exact and make ties, the hard case for explanations, common.
+quarters = st.integers(-12, 12).map(lambda n: n / 4)
+
+
+def constant(value):
+    return s.Number(value) if value >= 0 else s.Negative(s.Number(-value))
+
+
+numbers = st.recursive(
+    st.sampled_from(SIGNALS).map(s.Name),
+    lambda inner: st.one_of(
+        st.builds(s.Arithmetic, st.sampled_from("+-*"), inner, quarters.map(constant)),
+        st.builds(s.Negative, inner),
+        inner.map(lambda a: s.Call("abs", (a,))),
+        st.tuples(inner, inner).map(lambda pair: s.Call("max", pair)),
+    ),
+    max_leaves=2,
+)
+comparisons = st.one_of(
+    st.builds(lambda a, o, c: s.Comparison((a, constant(c)), (o,)), numbers, st.sampled_from("<>"), quarters),
+    st.builds(
+        lambda c, a, b: s.Comparison((constant(c), a, b), ("<=", "<")),
+        quarters,
+        numbers,
+        st.just(s.Name("w")),
+    ),
+)
+intervals = st.tuples(st.integers(0, 4), st.integers(0, 6)).map(
+    lambda ab: s.Interval(s.Number(float(ab[0])), s.Number(float(sum(ab))))
+)
+maybe = st.none() | intervals
+
+
+def _compound(inner):
+    several = st.lists(inner, min_size=2, max_size=3).map(tuple)
+    return st.one_of(
+        st.builds(s.Not, inner),
+        st.builds(s.And, several),
+        st.builds(s.Or, several),
+        st.builds(s.Implies, inner, inner),
+        st.builds(s.Iff, inner, inner),
+        st.builds(s.Next, inner, st.booleans()),
+        st.builds(s.Always, inner, maybe),
+        st.builds(s.Eventually, inner, maybe),
+        st.builds(s.Until, inner, inner, maybe),
+        st.builds(s.Release, inner, inner, maybe),
+        st.builds(s.WeakUntil, inner, inner),
+        st.builds(s.Then, inner, inner),
+        st.builds(lambda k, p: s.ForEach(k, "i", ("r", "g"), p), st.sampled_from(["all", "any"]), inner),
+    )
+
+
+def formulas(max_leaves=5):
+    return st.recursive(comparisons, _compound, max_leaves=max_leaves).filter(_binds_once)
+
+
+def _binds_once(f, bound=False):
+    if isinstance(f, s.ForEach):
+        return not bound and _binds_once(f.body, True)
+    return all(_binds_once(child, bound) for child in s.children(f))
+
+
+@st.composite
+def batches(draw, max_count=3, max_steps=9):
+    """Signals and lengths: ragged, with NaN after each trajectory's end."""
+    count, steps = draw(st.integers(1, max_count)), draw(st.integers(1, max_steps))
+    seed = draw(st.integers(0, 2**32 - 1))
+    generator = np.random.default_rng(seed)
+    lengths = generator.integers(1, steps + 1, count)
+    signals = {}
+    for name in (*SIGNALS, "w"):
+        values = generator.integers(-12, 13, (count, steps)) / 4
+        values[np.arange(steps) >= lengths[:, None]] = np.nan
+        signals[name] = values
+    return signals, lengths

@@ -1,0 +1,76 @@
+from pathlib import Path
+
+import pandas as pd
+
+from tltlrl.config.compose import compose
+from tltlrl.config.read import experiment_from
+from tltlrl.logic.reasons import Reason, to_json
+from tltlrl.reports.report import bottleneck_lines, summary_page, trial_lines
+
+LATE = Reason("`d < 0.2` in at_goal", 1, 199, 199, -0.5, -0.5)
+LATER = Reason("`d < 0.2` in at_goal", 1, 150, 150, -0.25, -0.25)
+INSIDE = Reason("`d > 0.5 | e` in safe", 2, 10, 12, -0.1, -0.05)
+
+
+def finished(*runs):
+    """(case, seed, why its policy fails, why its trials fail) => what read_results gives of each run."""
+    return {
+        Path(case) / f"seed_{seed}": {
+            "satisfied": not policy,
+            "trials": 4,
+            "successes": 4 - sum(reason.count for reason in trials),
+            "why_policy_fails": to_json(policy),
+            "why_trials_fail": to_json(trials),
+        }
+        for case, seed, policy, trials in runs
+    }
+
+
+def test_what_holds_failed_policies_back_is_counted_over_the_seeds():
+    runs = finished(("a", 0, [LATE], []), ("a", 1, [LATER], []), ("a", 2, [], []), ("b", 0, [], []))
+    lines = bottleneck_lines(runs)
+    assert "- a, 2 of 3 seeds:" in lines
+    assert (
+        "  - 2 of 3: `d < 0.2` in at_goal, at steps 150 to 199 (7.50 to 9.95 s), robustness -0.500 to -0.250" in lines
+    )
+    assert not any(line.startswith("- b") for line in lines)
+    assert bottleneck_lines(finished(("b", 0, [], []))) == []
+
+
+def test_the_trials_of_every_run_with_their_interval_and_reasons():
+    runs = finished(("a", 0, [], []), ("a", 1, [], [INSIDE, LATE]))
+    lines = trial_lines(summary(runs, bread_in_slot=3), runs)
+    assert (
+        "| case | seed | successful trials (95 % Wilson interval) | with bread in slot | why trials failed |" in lines
+    )
+    assert "| a | 0 | 4 of 4 (0.510 to 1.000) | 3 of 4 |  |" in lines
+    assert (
+        "| a | 1 | 1 of 4 (0.046 to 0.699) | 3 of 4 | 2: `d > 0.5 \\| e` in safe, at steps 10 to 12 (0.50 to 0.60 s), "
+        "robustness -0.100 to -0.050; 1: `d < 0.2` in at_goal, at step 199 (9.95 s), robustness -0.500 |"
+    ) in lines
+
+
+def test_the_first_satisfied_iteration_is_a_median_over_all_seeds():
+    """A seed that never was satisfied counts as later than any other."""
+    rows = [("a", 10), ("a", 20), ("a", None), ("b", 10), ("b", None), ("b", None)]
+    table = pd.DataFrame(
+        {
+            "case": case, "seed": seed, "robustness_policy": 0.5, "satisfied": True, "robustness_mean_last": 0.25,
+            "first_satisfied_iteration": first, "trials": 10, "successes": 7, "success_rate": 0.7,
+        }
+        for seed, (case, first) in enumerate(rows)
+    )  # fmt: skip
+    experiment = experiment_from(compose(["experiment=reach_avoid"]))
+    lines = summary_page(experiment, table, {}).splitlines()
+    assert "| a | 3 of 3 | 0.500 (0.500 to 0.500) | 20 | 0.250 | 21 of 30 |" in lines
+    assert "| b | 3 of 3 | 0.500 (0.500 to 0.500) | never | 0.250 | 21 of 30 |" in lines
+
+
+def summary(runs, **judged):
+    return pd.DataFrame(
+        {
+            "case": path.parent.name, "seed": int(path.name[5:]), "trials": done["trials"],
+            "successes": done["successes"], "success_rate": done["successes"] / done["trials"], **judged,
+        }
+        for path, done in runs.items()
+    )  # fmt: skip

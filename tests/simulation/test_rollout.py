@@ -1,0 +1,82 @@
+"""The batch against the environment that `dm_env` users step."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tltlrl.simulation.rollout import Simulator
+from tltlrl.tasks import default_settings
+from tltlrl.tasks.planar_arm import PlanarArm
+from tltlrl.tasks.task import environment
+
+
+def zero_reward(signals):
+    return np.zeros(signals["ee"].shape[:-1])
+
+
+@pytest.fixture(scope="module")
+def task():
+    return PlanarArm(
+        replace(default_settings("reach_avoid")[0], steps=60, command_noise=0.0), {"discrete": zero_reward}
+    )
+
+
+def feedback(task):
+    return np.random.default_rng(5).normal(0, 0.3, size=(3, len(task.observation)))
+
+
+def test_batch_is_the_environment_to_1e_9(task):
+    rng = np.random.default_rng(0)
+    offsets = rng.normal(0, 2.5, size=(4, task.steps, 3))  # beyond the limits, too
+    trajectories = Simulator(task).rollout(feedback(task), offsets, np.zeros_like(offsets))
+    env = environment(task)
+    for n in range(4):
+        timestep = env.reset()
+        for t in range(task.steps):
+            observed = np.concatenate(list(timestep.observation.values()))
+            np.testing.assert_allclose(trajectories.features[n, t], observed, atol=1e-9, rtol=0)
+            assert timestep.last() == (t == task.steps - 1)
+            if not timestep.last():
+                timestep = env.step(trajectories.commands[n, t])
+
+
+def test_command_is_feedback_plus_offset(task):
+    offsets = np.random.default_rng(1).normal(size=(3, task.steps, 3))
+    gain = feedback(task)
+    trajectories = Simulator(task).rollout(gain, offsets, np.zeros_like(offsets))
+    np.testing.assert_allclose(trajectories.commands, trajectories.features @ gain.T + offsets, atol=1e-12)
+
+
+def test_command_noise_acts_but_is_not_recorded(task):
+    offsets = np.zeros((2, task.steps, 3))
+    noise = np.zeros_like(offsets)
+    noise[1, 10] = 0.5
+    gain = np.zeros((3, len(task.observation)))
+    trajectories = Simulator(task).rollout(gain, offsets, noise)
+    np.testing.assert_array_equal(trajectories.commands, 0.0)
+    np.testing.assert_array_equal(trajectories.features[0, :11], trajectories.features[1, :11])
+    assert np.abs(trajectories.features[1, 11, :3] - trajectories.features[0, 11, :3]).max() > 0.01
+
+
+def test_trajectories_do_not_depend_on_their_neighbours(task):
+    offsets = np.random.default_rng(2).normal(size=(5, task.steps, 3))
+    simulator = Simulator(task)
+    together = simulator.rollout(feedback(task), offsets, np.zeros_like(offsets))
+    for n in range(5):
+        alone = simulator.rollout(feedback(task), offsets[n : n + 1], np.zeros_like(offsets[:1]))
+        np.testing.assert_allclose(alone.features[0], together.features[n], atol=1e-11)  # BLAS may sum otherwise
+
+
+def test_the_callers_arrays_stay_as_they_are(task):
+    offsets = np.random.default_rng(3).normal(size=(1, task.steps, 3))
+    before = offsets.copy()
+    Simulator(task).rollout(feedback(task), offsets, np.zeros_like(offsets))
+    np.testing.assert_array_equal(offsets, before)
+
+
+def test_divergence_is_told(task):
+    offsets = np.zeros((2, task.steps, 3))
+    offsets[1, 7] = np.nan
+    with pytest.raises(FloatingPointError, match="simulation of reach_avoid diverged: trajectory 1, step 7"):
+        Simulator(task).rollout(feedback(task), offsets, np.zeros_like(offsets))

@@ -1,0 +1,124 @@
+"""Killed at any moment and started again, tltl-run ends with the bytes of a run that nothing disturbed.
+
+TLTL_KILLS sets at how many moments in each of three ways (4 with one worker; with two, 1 of the command and 1 of a
+worker), TLTL_KILLS_SEED which (0).
+"""
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import killed
+import pytest
+
+import tltlrl.experiments.experiment  # noqa: F401  # so that the forked processes have it
+from tltlrl.cli import main as cli
+
+KILLS = os.environ.get("TLTL_KILLS")
+SETTINGS = (
+    "experiment=reach_avoid", "name=small", "seeds=2", "cases=[tltl_episodic,continuous_step]", "trials=3",
+    "algorithm.iterations=3", "algorithm.samples=6", "algorithm.epsilon=0.5", "task.steps=30",
+)  # fmt: skip
+OWN_OF_A_SESSION = (".lock", "timing.csv", "log.txt", "manifest.json")
+
+
+def tltl_run(folder, workers, who=None, moment=None, number=0):
+    """Exit code, what was said, and the moments by process; killed at one of them if one is given."""
+    notes = folder / f"notes_{number}"
+    notes.mkdir(parents=True)
+    conditions = {"who": who, "moment": moment, "notes": str(notes)}
+    command = forked if workers == 1 else spawned
+    code, errors = command(folder, conditions, [*SETTINGS, f"workers={workers}"])
+    moments = {path.name.partition(".")[0]: path.read_text().splitlines() for path in notes.glob("*.*")}
+    return code, errors, moments, (notes / "killed").exists()
+
+
+def spawned(folder, conditions, arguments):
+    done = subprocess.run(
+        [sys.executable, Path(__file__).with_name("killed.py"), *arguments],
+        cwd=folder, env=os.environ | {"TLTL_KILLED": json.dumps(conditions)}, capture_output=True, text=True,
+        timeout=120, check=False,
+    )  # fmt: skip
+    return done.returncode, done.stderr
+
+
+def forked(folder, conditions, arguments):
+    """As `spawned`, but without the two seconds of importing everything."""
+    said = folder / "said.txt"
+    pid = os.fork()
+    if pid == 0:
+        code = None
+        try:
+            os.chdir(folder)
+            with open(said, "w") as sys.stderr:
+                killed.install(**conditions, role="command")
+                code = cli.run(arguments)
+        finally:
+            os._exit(3 if code is None else code)
+    return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]), said.read_text()
+
+
+def result(folder):
+    """Every file of the experiment, with its content where that must be the same on every repeat."""
+    files = [path for path in sorted((folder / "runs/small").rglob("*")) if path.is_file()]
+    return {
+        str(path.relative_to(folder)): None if path.name in OWN_OF_A_SESSION else path.read_bytes() for path in files
+    }
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("undisturbed")
+    code, errors, moments, _ = tltl_run(folder, 1)
+    assert code == 0, errors
+    return result(folder), moments["command"]
+
+
+def chosen(moments, count):
+    """Numbers of `count` moments: of as many kinds (what is done to which file) as there are, then again."""
+    rng = random.Random(int(os.environ.get("TLTL_KILLS_SEED", "0")))
+    kinds = {}
+    for number, moment in enumerate(moments):
+        kinds.setdefault(moment.replace("seed_0", "seed_1"), []).append(number)
+    order = rng.sample(sorted(kinds), len(kinds))
+    return [rng.choice(kinds[order[i % len(order)]]) for i in range(count)]
+
+
+def of_workers(moment):
+    return "seed_" in moment or moment == "compute iteration"
+
+
+def test_one_worker(undisturbed, tmp_path):
+    expected, moments = undisturbed
+    for number in chosen(moments, int(KILLS or 4)):
+        folder = tmp_path / str(number)
+        code, _, listed, was_killed = tltl_run(folder, 1, "command", number)
+        assert was_killed
+        assert code == -signal.SIGKILL
+        assert listed["command"][-1] == moments[number]
+        code, errors, _, _ = tltl_run(folder, 1, number=1)
+        assert code == 0, (moments[number], errors)
+        assert result(folder) == expected, moments[number]
+        print("one worker, killed before or in:", moments[number])
+
+
+@pytest.mark.parametrize("who", ["command", "worker"])
+def test_two_workers(undisturbed, tmp_path, who):
+    expected, moments = undisturbed
+    own = [moment for moment in moments if of_workers(moment) == (who == "worker")]
+    own = own[: len(own) // 4] if who == "worker" else own  # surely in the first of the four runs
+    for number in chosen(own, int(KILLS or 1)):
+        folder = tmp_path / str(number)
+        code, errors, _, was_killed = tltl_run(folder, 2, who, number)
+        assert was_killed
+        assert "Traceback" not in errors, errors
+        if who == "command":
+            assert code == -signal.SIGKILL
+            code, errors, _, _ = tltl_run(folder, 2, number=1)
+        assert code == 0, (own[number], errors)
+        assert result(folder) == expected, own[number]
+        print(f"two workers, {who} killed before or in:", own[number])

@@ -1,0 +1,170 @@
+"""One run: what its rows mean, and that it goes on from any moment to the same bytes."""
+
+import json
+
+import numpy as np
+import pytest
+
+from tltlrl.config.compose import compose
+from tltlrl.config.read import experiment_from
+from tltlrl.learning.reps import reward_to_go, solve_dual
+from tltlrl.simulation.rollout import Simulator
+from tltlrl.store.record import read_policy
+from tltlrl.training import loop as training
+from tltlrl.training.loop import initial_policy, iterate, train, try_policy
+
+SETTINGS = (
+    "experiment=reach_avoid", "seeds=[5]", "trials=4", "task.steps=30", "algorithm.iterations=6",
+    "algorithm.samples=7", "algorithm.epsilon=0.5",
+)  # fmt: skip
+
+
+def runs(*overrides):
+    return {run.case.name: run for run in experiment_from(compose([*SETTINGS, *overrides])).runs()}
+
+
+@pytest.fixture(scope="module")
+def cases():
+    return runs()
+
+
+def test_step_based_reps_has_coefficients_of_its_own():
+    changed = runs("reward.c2=0.3", "reward.step.c2=0.1", "cases=[continuous_episodic,continuous_step]")
+    ee = {"ee": np.zeros((1, 1, 2))}
+    for case, c2 in (("continuous_episodic", 0.3), ("continuous_step", 0.1)):
+        run = changed[case]
+        obstacles = run.spec.constants["obstacle"].values()
+        expected = -np.linalg.norm(run.spec.constants["goal"]) + c2 * sum(np.linalg.norm(o) for o in obstacles)
+        np.testing.assert_allclose(run.make_task().rewards["continuous"](ee), [[expected]])
+
+
+def by_hand(run, iteration=0):
+    """The sampled trajectories of the first policy's iteration, rebuilt from the definition."""
+    task = run.make_task()
+    simulator, policy = Simulator(task), initial_policy(task, run.algorithm)
+    rng = np.random.default_rng([run.seed, iteration])
+    offsets = policy.sample(run.algorithm.samples, rng)
+    noise = simulator.draw_command_noise(run.algorithm.samples, rng)
+    trajectories = simulator.rollout(policy.gain, offsets, noise)
+    return task, simulator, policy, offsets, task.signals(trajectories.features, trajectories.commands)
+
+
+def test_every_cases_robustness_is_of_its_own_samples_by_the_same_spec(cases):
+    for run in cases.values():
+        task, simulator, policy, _, signals = by_hand(run)
+        robustness = run.spec.robustness(signals)
+        record = iterate(run, task, simulator, policy, 0).record
+        np.testing.assert_allclose(record["robustness_mean"], robustness.mean(), atol=1e-9)
+        np.testing.assert_allclose(record["robustness_std"], robustness.std(), atol=1e-9)
+        np.testing.assert_allclose(record["robustness_min"], robustness.min(), atol=1e-9)
+        np.testing.assert_allclose(record["robustness_max"], robustness.max(), atol=1e-9)
+        assert record["satisfied_fraction"] == np.mean(robustness > 0)
+
+
+def test_each_case_learns_from_its_own_reward(cases):
+    for name, run in cases.items():
+        task, simulator, policy, offsets, signals = by_hand(run)
+        result = iterate(run, task, simulator, policy, 0)
+        if run.case.reward == "tltl":
+            returns = run.spec.robustness(signals)
+        else:
+            rewards = task.rewards[run.case.reward](signals)
+            returns = rewards.sum(axis=1)
+        np.testing.assert_allclose(result.record["return_mean"], returns.mean(), atol=1e-9)
+        scores = reward_to_go(rewards).T if run.case.algorithm == "step" else returns[None]
+        weights = np.broadcast_to(solve_dual(scores, 0.5).weights, (task.steps, 7))
+        expected = np.einsum("ti,itd->td", weights, offsets)
+        np.testing.assert_allclose(result.policy.mean, expected, atol=1e-6, err_msg=name)
+
+
+def test_the_policys_robustness_is_that_of_the_noise_free_mean(cases):
+    run = cases["tltl_episodic"]
+    task, simulator, policy, _, _ = by_hand(run)
+    motion = simulator.rollout(policy.gain, policy.mean[None], np.zeros((1, 30, 3)))
+    expected = run.spec.robustness(task.signals(motion.features, motion.commands))[0]
+    record = iterate(run, task, simulator, policy, 0).record
+    np.testing.assert_allclose(record["robustness_policy"], expected, atol=1e-9)
+
+
+class Stop(Exception):
+    pass
+
+
+@pytest.mark.parametrize("stop_at", [1, 2, 5, 6])
+@pytest.mark.parametrize("checkpoint_seconds", [0.0, 1e9])
+def test_stopped_after_any_iteration_it_ends_with_the_same_bytes(
+    cases, tmp_path, monkeypatch, stop_at, checkpoint_seconds
+):
+    run = cases["continuous_step"]
+    train(run, tmp_path / "undisturbed", lambda _: None)
+    monkeypatch.setattr(training, "CHECKPOINT_SECONDS", checkpoint_seconds)
+
+    def stop(iteration):
+        if iteration == stop_at:
+            raise Stop
+
+    with pytest.raises(Stop):
+        train(run, tmp_path / "stopped", stop)
+    assert not (tmp_path / "stopped" / "done.json").exists()
+    first = []
+    train(run, tmp_path / "stopped", first.append)
+    assert first[0] == (stop_at if checkpoint_seconds == 0.0 else 1)  # it went on from the last checkpoint
+    for name in ("progress.csv", "policy.npz", "done.json"):
+        assert (tmp_path / "stopped" / name).read_bytes() == (tmp_path / "undisturbed" / name).read_bytes(), name
+    assert not (tmp_path / "stopped" / "checkpoint.npz").exists()
+
+
+@pytest.mark.parametrize("damage", ["truncated", "missing", "csv too short", "csv missing"])
+def test_a_damaged_checkpoint_starts_the_run_again(cases, tmp_path, monkeypatch, damage):
+    run = cases["tltl_episodic"]
+    train(run, tmp_path / "undisturbed", lambda _: None)
+    monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
+
+    def stop(iteration):
+        if iteration == 4:
+            raise Stop
+
+    folder = tmp_path / "damaged"
+    with pytest.raises(Stop):
+        train(run, folder, stop)
+    checkpoint, progress = folder / "checkpoint.npz", folder / "progress.csv"
+    if damage == "truncated":
+        checkpoint.write_bytes(checkpoint.read_bytes()[:100])
+    elif damage == "missing":
+        checkpoint.unlink()
+    elif damage == "csv too short":
+        progress.write_text("".join(progress.read_text().splitlines(keepends=True)[:2]))
+    else:
+        progress.unlink()
+    train(run, folder, lambda _: None)
+    assert progress.read_bytes() == (tmp_path / "undisturbed" / "progress.csv").read_bytes()
+
+
+def test_a_finished_run_is_left_alone(cases, tmp_path):
+    run = cases["tltl_episodic"]
+    train(run, tmp_path, lambda _: None)
+    called = []
+    train(run, tmp_path, called.append)
+    assert called == []
+
+
+def test_done_counts_the_successful_trials(cases, tmp_path):
+    train(cases["tltl_episodic"], tmp_path, lambda _: None)
+    done = json.loads((tmp_path / "done.json").read_text())
+    assert done["trials"] == 4
+    run, policy = cases["tltl_episodic"], read_policy(tmp_path)
+    rng = np.random.default_rng([run.seed, run.algorithm.iterations, run.trials])
+    assert done["successes"] == np.sum(try_policy(run, policy, 4, rng).robustness > 0)
+    assert done["satisfied"] == (done["robustness_policy"] > 0)
+
+
+@pytest.mark.parametrize("rule", ["damped", "published"])
+def test_reach_avoid_is_learned_in_short(rule, tmp_path):
+    """From far below zero to near the goal within few iterations; the full budget is make reproduce-figures'."""
+    run = runs("task.steps=200", "algorithm.iterations=18", "algorithm.samples=20", f"algorithm.covariance={rule}",
+               "algorithm.epsilon=1.0")["tltl_episodic"]  # fmt: skip
+    train(run, tmp_path, lambda _: None)
+    rows = (tmp_path / "progress.csv").read_text().splitlines()
+    first, last = (dict(zip(rows[0].split(","), rows[i].split(","), strict=True)) for i in (1, -1))
+    assert float(first["robustness_mean"]) < -1.5
+    assert float(last["robustness_mean"]) > -0.6

@@ -1,0 +1,172 @@
+"""From the overrides of a command line to a config as plain data: Hydra composes, and its complaints are put into ours.
+
+Hydra is imported by those functions that need it: a command has to answer Ctrl-C before that.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from tltlrl.errors import UserError, module_of, nearest
+from tltlrl.resources import CONFIGS
+
+GROUPS = ("experiment", "task", "reward", "algorithm", "engine")
+
+
+def compose(overrides: Sequence[str]) -> dict[str, Any]:
+    """The config of these overrides.
+
+    Raises:
+      UserError: with the override that is wrong, or the file, and what would be right.
+    """
+    from hydra import compose as hydra_compose
+    from omegaconf import OmegaConf
+
+    for override in parse(overrides):
+        if override.is_sweep_override():
+            key = override.get_key_element().lstrip("+")
+            value = override.input_line.partition("=")[2]
+            written = f"{key}=[...]" if "(" in value else f"{key}=[{value}]"
+            raise UserError(f"{key}={value}: a list is written {written}; several experiments with -m (see --help)")
+    with complaints_told(overrides), initialized():
+        config = hydra_compose("config", [_addable(override) for override in overrides])
+        settings: Any = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
+    if "experiment" in settings:  # there is nothing to be found at this key
+        raise UserError("experiment: the first line of the file that is chosen has to be `# @package _global_`")
+    return dict(settings)
+
+
+def parse(overrides: Sequence[str]) -> list[Any]:
+    """Hydra's reading of overrides, each a hydra.core.override_parser.types.Override.
+
+    Raises:
+      UserError: if one cannot be read, or names no file where one is chosen (task=null).
+    """
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+
+    with complaints_told(overrides):
+        parsed = OverridesParser.create().parse_overrides([_addable(override) for override in overrides])
+    for override in parsed:
+        key = override.key_or_group
+        if key in GROUPS and not (
+            override.is_delete() or override.is_sweep_override() or isinstance(override.value(), str | list)
+        ):
+            value = override.get_value_element_as_str()
+            raise UserError(f"{key}={value}: there is no such {key}{nearest(value, names(key))}")
+    return list(parsed)
+
+
+def searchpath(config_dir: Path | None) -> list[str]:
+    """The overrides that make Hydra look for files in a folder, too.
+
+    Raises:
+      UserError: if there is no such folder.
+    """
+    if config_dir is None:
+        return []
+    if not config_dir.is_dir():
+        raise UserError(f"--config-dir {config_dir}: there is no such folder")
+    return [f"hydra.searchpath=[{quoted(f'file://{config_dir.resolve()}')}]"]
+
+
+def quoted(text: str) -> str:
+    """A text as the value of an override, whatever is in it."""
+    from hydra.core.override_parser.types import Quote, QuotedString
+
+    return str(QuotedString(text, Quote.double).with_quotes())
+
+
+def initialized() -> contextlib.AbstractContextManager[Any]:
+    """Hydra with the configs that come with tltlrl."""
+    from hydra import initialize_config_dir
+
+    manager: contextlib.AbstractContextManager[Any] = initialize_config_dir(
+        str(CONFIGS), job_name="tltl-run", version_base="1.3"
+    )
+    return manager
+
+
+@contextlib.contextmanager
+def complaints_told(overrides: Sequence[str]) -> Iterator[None]:
+    """What Hydra finds wrong with the overrides and the files that they name, as a UserError."""
+    import yaml
+    from hydra.errors import ConfigCompositionException, HydraException, OverrideParseException
+    from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
+
+    try:
+        yield
+    except OverrideParseException as error:
+        raise UserError(_explain_unreadable(error.override)) from error
+    except ConfigCompositionException as error:
+        raise UserError(_explain_composition(error, overrides)) from error
+    except MissingMandatoryValue as error:
+        raise UserError(
+            f"{error.full_key}: it has no value; experiment=NAME gives it one (a file of your own for that begins "
+            f"with the line `# @package _global_`)"
+        ) from error
+    except (HydraException, OmegaConfBaseException) as error:
+        raise UserError(str(error).splitlines()[0]) from error
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        where = f"{mark.name}, line {mark.line + 1}: " if mark else ""
+        raise UserError(f"{where}it is not YAML: {error.problem}") from error
+    except (UnicodeDecodeError, yaml.YAMLError) as error:
+        chosen = ", ".join(override for override in overrides if override.partition("=")[0] in GROUPS)
+        raise UserError(f"{chosen}: one of these files, or one that it names, is not text in UTF-8") from error
+    except ValueError as error:
+        if not module_of(error).startswith("hydra."):
+            raise
+        raise UserError(str(error).splitlines()[0]) from error
+
+
+def names(group: str) -> list[str]:
+    """The files of a group that come with tltlrl."""
+    return sorted(path.stem for path in (CONFIGS / group).glob("*.yaml"))
+
+
+def _addable(override: str) -> str:
+    """Hydra wants ++ before a key that the config does not have yet, as any constant of a spec."""
+    return f"++{override}" if override.startswith("constants.") else override
+
+
+def _explain_unreadable(override: str) -> str:
+    if override in names("experiment"):
+        return f"{override}: did you mean experiment={override}?"
+    if override == "help":
+        return "help: did you mean --help?"
+    return (
+        f"{override}: not readable as key=value; a list is written [1,2,3], text with special characters "
+        f"in quotes: key='\"a b\"'"
+    )
+
+
+def _explain_composition(error: Any, overrides: Sequence[str]) -> str:
+    options = getattr(error, "options", None)
+    if options is not None and error.missing_cfg_file:
+        group, _, name = error.missing_cfg_file.rpartition("/")
+        return f"{group}={name}: there is no such {group}{nearest(name, options)}"
+    text = str(error)
+    if unknown := re.match(r"Could not (?:override|delete from config|append to config)[^']*'([^']+)'", text):
+        key = unknown[1]
+        return f"{key}: no such key{nearest(key, () if key.startswith('hydra') else _valid_keys(overrides))}"
+    if missing := re.match(r"You must specify '(\w+)'", text):
+        there = re.findall(r"^\t(\S+)$", text, flags=re.MULTILINE)
+        return f"say which {missing[1]}: {missing[1]}=NAME, one of: {', '.join(there)}"
+    if merging := re.match(r"Error merging override (\S+)", text):
+        return f"{merging[1]}: this key cannot have such a value; --cfg job shows the one it has"
+    return text.splitlines()[0]
+
+
+def _valid_keys(overrides: Sequence[str]) -> set[str]:
+    """Every key of the chosen experiment's config, dotted, and the groups; none if it cannot be composed."""
+    from tltlrl.config.read import flatten
+
+    try:
+        config = compose([o for o in overrides if o.partition("=")[0] in (*GROUPS, "hydra.searchpath")])
+    except UserError:
+        return set()
+    return {*flatten(config), *config, "experiment"}

@@ -1,0 +1,193 @@
+"""Where runs are computed: in this process, in a local cluster, or on a running Dask scheduler.
+
+All three call the same `train` on the same folders, so all three write the same bytes. Dask reruns the run of a
+worker that died; the run itself goes on from its checkpoint.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import multiprocessing
+import os
+import signal
+import socket
+import threading
+import time
+import urllib.parse
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from multiprocessing import resource_tracker
+from pathlib import Path
+from typing import Any
+
+from tltlrl.errors import UserError
+from tltlrl.training.loop import Run, train
+
+TOPIC = "tltlrl-progress"
+REPORT_SECONDS = 0.5
+SCHEDULER_SECONDS = 10
+
+# Of a local cluster, inherited by its workers; Dask reads its part when it is imported.
+ENVIRONMENT = {
+    **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"),  # runs are what is parallel
+    "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False",  # it would stop the run every 10 ms to look at it,
+    "DASK_DISTRIBUTED__ADMIN__TICK__INTERVAL": "1s",  # and every process wake every 20 ms to see that it does
+}
+
+Job = tuple[Run, Path]
+OnProgress = Callable[[int, int], None]  # (index of the job, iterations done)
+OnEnd = Callable[[int, Exception | None], None]  # (index of the job, its error)
+
+
+def run_all(jobs: list[Job], workers: int, address: str | None, on_progress: OnProgress, on_end: OnEnd) -> None:
+    """Computes every job; one that fails is reported through `on_end` and the others go on.
+
+    Args:
+      jobs: runs and their folders.
+      workers: processes of a local cluster; 1 computes in this process. Ignored with an address.
+      address: of a Dask scheduler whose workers see the same files.
+      on_progress, on_end: called in this process.
+
+    Raises:
+      UserError: if the scheduler cannot be reached.
+      KeyboardInterrupt: on Ctrl-C, after the local workers were stopped.
+    """
+    if address is None and workers == 1:
+        for index, (run, folder) in enumerate(jobs):
+            try:
+                train(run, folder, lambda iteration, index=index: on_progress(index, iteration))  # type: ignore[misc]
+            except Exception as error:
+                on_end(index, error)
+            else:
+                on_end(index, None)
+        return
+
+    for name, value in ENVIRONMENT.items():
+        os.environ.setdefault(name, value)
+    from distributed import as_completed
+
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # closing workers log their broken connections
+    with _cluster(workers, address) as scheduler, _client(scheduler) as client:
+        client.subscribe_topic(TOPIC, lambda event: on_progress(*event[1]))
+        futures = {
+            client.submit(_on_worker, index, run, folder, pure=False): index for index, (run, folder) in enumerate(jobs)
+        }
+        for future in as_completed(futures, loop=client.loop):
+            on_end(futures[future], future.result() if future.status == "finished" else future.exception())
+
+
+def _on_worker(index: int, run: Run, folder: Path) -> Exception | None:
+    """The run's own error is a result: raised, Dask would log it as a fault of the worker."""
+    from distributed import get_worker
+
+    worker, last = get_worker(), 0.0
+
+    def report(iteration: int) -> None:
+        nonlocal last
+        if time.monotonic() - last > REPORT_SECONDS:
+            last = time.monotonic()
+            worker.log_event(TOPIC, (index, iteration))
+
+    try:
+        train(run, folder, report)
+    except Exception as error:
+        return error
+    return None
+
+
+def check_scheduler(address: str) -> None:
+    """Whether a scheduler answers at the address, before a folder is made for its results.
+
+    Raises:
+      UserError: if not.
+    """
+    parts = urllib.parse.urlsplit(address)
+    try:
+        if parts.scheme not in ("tcp", "tls") or parts.port is None:
+            raise ValueError("it must be tcp://HOST:PORT or tls://HOST:PORT")
+        socket.create_connection((parts.hostname or "", parts.port), timeout=SCHEDULER_SECONDS).close()
+        if parts.scheme == "tcp":  # a tls:// one answers those alone who show their certificate
+            kind = asyncio.run(asyncio.wait_for(_kind_of(address), SCHEDULER_SECONDS))
+            if kind != "Scheduler":
+                raise ValueError(f"there is a {kind}")
+    except (OSError, ValueError) as error:
+        reason = str(error) or f"no answer within {SCHEDULER_SECONDS} s"
+        raise UserError(
+            f"engine.address: no scheduler answers at {address} ({reason}); "
+            "start one with `dask scheduler`, or leave it out"
+        ) from error
+
+
+async def _kind_of(address: str) -> str:
+    """What a Dask process at the address says it is; a client would wait for it without end."""
+    from distributed.core import connect
+
+    comm = await connect(address, timeout=SCHEDULER_SECONDS)
+    try:
+        await comm.write({"op": "identity", "reply": True, "close": True})
+        return str((await comm.read())["type"])
+    finally:
+        comm.abort()
+
+
+def _client(address: str) -> Any:
+    from distributed import Client
+
+    try:
+        return Client(address, set_as_default=False, timeout=SCHEDULER_SECONDS)
+    except (OSError, ValueError) as error:  # TimeoutError is an OSError
+        raise UserError(
+            f"engine.address: no scheduler answers at {address}; start one with `dask scheduler`, or leave it out"
+        ) from error
+
+
+@contextlib.contextmanager
+def _cluster(workers: int, address: str | None) -> Iterator[str]:
+    """The address of the given scheduler, or of a local cluster whose processes end with this block in any case."""
+    if address is not None:
+        yield address
+        return
+
+    cluster = None
+    try:
+        cluster = _local_cluster(workers)
+        yield cluster.scheduler_address
+    except BaseException:  # Ctrl-C above all: nobody waits for workers in the middle of an iteration
+        for process in multiprocessing.active_children():
+            process.kill()
+        if cluster is not None:
+            with contextlib.suppress(TimeoutError):
+                cluster.close(timeout=1)
+        raise
+    cluster.close()
+
+
+def _local_cluster(workers: int) -> Any:
+    """A cluster whose processes leave Ctrl-C, which reaches the whole process group, to this one.
+
+    They inherit the blocked signal from the thread that starts them; this thread is free to be interrupted meanwhile.
+    """
+    from distributed import LocalCluster
+
+    started: Future[Any] = Future()
+
+    def start() -> None:
+        resource_tracker.ensure_running()  # starting it unblocks the signal, so that comes first
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            cluster = LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                processes=True,
+                # Dask serves its state by HTTP in any case: to this machine alone, and on a port that is free.
+                scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
+            )
+        except Exception as error:
+            started.set_exception(error)
+        else:
+            started.set_result(cluster)
+
+    threading.Thread(target=start, daemon=True).start()
+    return started.result()

@@ -1,0 +1,315 @@
+"""Many runs: every case with every seed, in one folder, then the tables and figures of what they show."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import shutil
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from tltlrl.config.read import KEYS, MACHINERY_DEFAULTS, Experiment, experiment_from, flatten
+from tltlrl.errors import UserError
+from tltlrl.experiments.engine import check_scheduler, run_all
+from tltlrl.experiments.manifest import end_session, manifest, read_manifest, sha256, start_session
+from tltlrl.experiments.progress import Progress
+from tltlrl.learning.policy import Policy
+from tltlrl.reports.plotting import FORMATS
+from tltlrl.reports.report import write_report
+from tltlrl.reports.workspace import WORKSPACE, draw_workspace, drawable
+from tltlrl.store.files import sweep, write_json, write_text
+from tltlrl.store.record import CHECKPOINT, DONE, POLICY, DamagedError, read_checkpoint, read_policy, read_results
+from tltlrl.training.loop import Run
+
+CONFIG, MANIFEST, SPECS, LOG, LOCK = "config.yaml", "manifest.json", "specs", "log.txt", ".lock"
+GROWING = ("cases", "seeds")  # more of these extend a folder; anything else makes it another experiment
+
+
+def run_experiment(experiment: Experiment, command: list[str]) -> bool:
+    """Computes what is missing of an experiment and writes its tables and figures.
+
+    Args:
+      experiment: what to do.
+      command: the command line, for the manifest.
+
+    Returns:
+      Whether every run succeeded.
+
+    Raises:
+      UserError: if the folder holds another experiment or another process works in it.
+    """
+    folder = Path(experiment.runs_dir) / experiment.name
+    if experiment.engine.address is not None:
+        check_scheduler(experiment.engine.address)
+    with lock(folder):
+        notes = prepare(folder, experiment)
+        missing, kept, damages = survey(folder, experiment)
+        before = read_manifest(folder / MANIFEST)
+        if kept and before is None:
+            notes.append(f"{MANIFEST} was missing or damaged: who computed what is kept is not known any more")
+        if missing or before is None:  # otherwise nothing here is of this session, and the manifest stays as it is
+            session = start_session(command)
+            write_json(folder / MANIFEST, manifest(experiment, before, session))
+        with Progress([label(run) for run in missing], experiment.algorithm.iterations, folder / LOG) as progress:
+            for note in [*notes, *damages]:
+                progress.say(note)
+            if kept:
+                progress.say(f"{kept} of {kept + len(missing)} runs were done before and are kept")
+            failures = compute(folder, experiment, missing, progress) if missing else {}
+        results = finished(folder, experiment)
+        write_report(folder, experiment, results, failures)
+        draw_cases(folder, experiment, results)
+        if missing or before is None:
+            write_json(folder / MANIFEST, manifest(experiment, before, end_session(session)))
+    return not failures
+
+
+def label(run: Run) -> str:
+    """The run, as it is called in messages."""
+    return f"{run.case.name} seed {run.seed}"
+
+
+def survey(folder: Path, experiment: Experiment) -> tuple[list[Run], int, list[str]]:
+    """The runs that have to be computed, the number of those that are done, and what was damaged since it was written.
+
+    A run whose files are damaged is computed again: to the same bytes, since it depends on nothing but its `Run`.
+    """
+    missing, damages = [], []
+    runs = experiment.runs()
+    for run in runs:
+        path = run_folder(folder, run)
+        try:
+            if read_results(path, run.identity()) is None:
+                missing.append(run)
+                read_checkpoint(path, run.identity())
+            elif (path / CHECKPOINT).exists():  # killed between its last two steps
+                (path / CHECKPOINT).unlink()
+        except DamagedError as error:
+            damages.append(f"{path}: {error}; the run is computed again")
+            if run not in missing[-1:]:
+                missing.append(run)
+    return missing, len(runs) - len(missing), damages
+
+
+def finished(folder: Path, experiment: Experiment) -> dict[Path, dict[str, Any]]:
+    """Folder => content of done.json of every finished run, in the order of the tables."""
+    results = {}
+    for run in experiment.runs():
+        path = run_folder(folder, run)
+        with contextlib.suppress(DamagedError):  # it was to be computed again, and that failed
+            if (content := read_results(path, run.identity())) is not None:
+                results[path] = content
+    return results
+
+
+def draw_cases(folder: Path, experiment: Experiment, results: Mapping[Path, Mapping[str, Any]]) -> None:
+    """The workspace of every case, if the task has one: the seed with the median robustness of the mean policy.
+
+    Pictures that are younger than all policies of their case stay.
+    """
+    if not drawable(experiment.task):
+        return
+    for case in experiment.cases:
+        sweep(folder / case.name)
+        runs = {run_folder(folder, run): run for run in experiment.runs() if run.case == case}
+        done = sorted((path for path in runs if path in results), key=lambda path: results[path]["robustness_policy"])
+        pictures = [folder / case.name / f"{WORKSPACE}{suffix}" for suffix in FORMATS]
+        if done and min(map(_written, pictures)) <= max(_written(path / POLICY) for path in done):
+            median = done[(len(done) - 1) // 2]
+            draw_workspace(runs[median], read_policy(median), folder / case.name / WORKSPACE)
+
+
+def _written(path: Path) -> float:
+    """When a file was; 0 if there is none, or nothing in it."""
+    return path.stat().st_mtime if path.exists() and path.stat().st_size else 0.0
+
+
+def run_folder(folder: Path, run: Run) -> Path:
+    """Where a run's files lie."""
+    return folder / run.case.name / f"seed_{run.seed}"
+
+
+def open_run(folder: Path) -> tuple[Run, Policy]:
+    """A finished run read back from its folder, <experiment>/<case>/seed_<k>.
+
+    Raises:
+      UserError: if there is no finished run.
+    """
+    above = folder.resolve().parent.parent
+    advice = "give one like runs/reach_avoid/tltl_episodic/seed_0"
+    try:
+        settings = yaml.safe_load((above / CONFIG).read_text())
+        settings["spec"] = str(_spec_copy(above, settings["spec"]))
+        policy = read_policy(folder)
+        (folder / DONE).read_text()
+    except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError) as error:
+        raise UserError(f"{folder} is not the folder of a finished run ({error}); {advice}") from error
+    experiment = experiment_from(settings | MACHINERY_DEFAULTS)
+    for run in experiment.runs():
+        if run_folder(above, run) == folder.resolve():
+            try:
+                read_results(folder, run.identity())
+            except DamagedError as error:
+                raise UserError(
+                    f"{folder}: {error}; start its tltl-run again, which computes anew what is damaged"
+                ) from error
+            return run, policy
+    raise UserError(f"{folder}: {above / CONFIG} knows no such case and seed")
+
+
+def compute(folder: Path, experiment: Experiment, missing: list[Run], progress: Progress) -> dict[str, str]:
+    """Computes runs; what failed, as case/seed_k => message.
+
+    Raises:
+      OSError: if files cannot be written, which the runs that are left could not either.
+    """
+    jobs = [(run, run_folder(folder, run).resolve()) for run in missing]
+    failures: dict[str, str] = {}
+
+    def on_end(index: int, error: Exception | None) -> None:
+        run, path = jobs[index]
+        if isinstance(error, OSError) and error.filename is not None:
+            raise error
+        if error is None and not (path / DONE).exists():
+            error = UserError(f"its results are not in {path}; do the workers see the same files as this command?")
+        progress.end(index, error)
+        if error is not None:
+            failures[f"{run.case.name}/seed_{run.seed}"] = f"{type(error).__name__}: {error}"
+
+    workers = min(experiment.workers or len(os.sched_getaffinity(0)), len(missing))
+    progress.say(f"{len(missing)} runs of {experiment.algorithm.iterations} iterations into {folder}")
+    try:
+        run_all(jobs, workers, experiment.engine.address, progress.advance, on_end)
+    except KeyboardInterrupt:
+        progress.say(f"stopped; what is done is kept in {folder}")
+        raise
+    return failures
+
+
+def prepare(folder: Path, experiment: Experiment) -> list[str]:
+    """Makes the folder ready: new, emptied with overwrite=true, or the same experiment's.
+
+    Returns:
+      What was damaged in it and was mended.
+
+    Raises:
+      UserError: if it holds something else, with the difference.
+    """
+    sweep(folder)
+    sweep(folder / SPECS)
+    config, spec_copy = folder / CONFIG, folder / SPECS / spec_name(experiment)
+    known = read_manifest(folder / MANIFEST)
+    before, restored = _settings_before(folder, known)
+    notes = []
+    if before is not None and experiment.overwrite:
+        for entry in sorted(folder.iterdir(), key=lambda entry: entry == config):  # config.yaml last: stopped on
+            if entry.name != LOCK:  # the way, the folder is still known for one of ours
+                shutil.rmtree(entry) if entry.is_dir() and not entry.is_symlink() else entry.unlink()
+    elif before is not None:
+        if differences := _differences(before, experiment.settings):
+            if known is None or _differences(known["config"], experiment.settings):
+                raise UserError(
+                    f"{folder} holds results of another config:\n{differences}\n"
+                    f"Set another name=... (now {experiment.name}), or overwrite=true to delete what is there."
+                )
+            restored = True
+        if restored:
+            notes.append(f"{CONFIG} was missing or damaged and is written again, from {MANIFEST}")
+        text = experiment.spec.text
+        if not spec_copy.is_file() or spec_copy.read_bytes() != text.encode():
+            if known is None or known["specs"] != {spec_copy.name: sha256(text)}:
+                raise UserError(
+                    f"{folder} was made with another text of {spec_copy.name} (kept in its folder specs), or its copy "
+                    f"was damaged or deleted. Set another name=..., or overwrite=true to delete what is there."
+                )
+            notes.append(f"{SPECS}/{spec_copy.name} was missing or damaged and is written again")
+    (folder / SPECS).mkdir(parents=True, exist_ok=True)
+    write_text(spec_copy, experiment.spec.text)
+    write_text(config, yaml.safe_dump(experiment.settings, sort_keys=False))
+    return notes
+
+
+def spec_name(experiment: Experiment) -> str:
+    """The spec file's own name."""
+    return Path(experiment.spec.path or "spec.tltl").name
+
+
+def _settings_before(folder: Path, known: Mapping[str, Any] | None) -> tuple[dict[str, Any] | None, bool]:
+    """The config of the results in `folder`, and whether it had to be taken from the manifest `known`.
+
+    None if there is nothing but what a start leaves behind.
+
+    Raises:
+      UserError: if the folder holds anything else; it is neither written to nor, with overwrite=true, deleted.
+    """
+    names = {entry.name for entry in folder.iterdir() if not entry.name.startswith(".")}
+    if not names - {SPECS}:
+        return None, False
+    try:
+        before = yaml.safe_load((folder / CONFIG).read_text())
+    except (OSError, ValueError, yaml.YAMLError):
+        before = None
+    for config, restored in ((before, False), (known and known["config"], True)):
+        if isinstance(config, dict) and set(config) == set(KEYS) - set(MACHINERY_DEFAULTS):
+            return config, restored
+    raise UserError(
+        f"{folder} exists and holds no results of tltl-run (its {CONFIG} is missing or not one of ours); "
+        f"set another name=... or runs_dir=..."
+    )
+
+
+def _spec_copy(folder: Path, spec: str) -> Path:
+    """The experiment's own copy of its spec."""
+    path = folder / SPECS / Path(spec).name
+    return path if path.exists() else path.with_name(f"{path.name}.tltl")
+
+
+def _differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    """What keeps results of one config from going on under another, one line each.
+
+    A spec is the same if its file's name is, wherever it lies: its text is compared apart.
+    """
+    old, new = (flatten(config) | {"spec": Path(str(config.get("spec"))).name} for config in (before, now))
+    differences = [
+        f"  {key}: {old.get(key, 'absent')} there, {new.get(key, 'absent')} now"
+        for key in sorted(old.keys() | new.keys())
+        if old.get(key) != new.get(key) and key not in GROWING
+    ]
+    for key in GROWING:
+        kept, wanted = _members(before.get(key)), _members(now.get(key))
+        if not kept <= wanted:
+            differences.append(f"  {key}: {before.get(key)} there, {now.get(key)} now (they can only grow)")
+    return "\n".join(differences)
+
+
+def _members(value: Any) -> set[Any]:
+    return set(range(value)) if isinstance(value, int) else set(value or ())
+
+
+@contextlib.contextmanager
+def lock(folder: Path) -> Iterator[None]:
+    """Holds the folder for this process.
+
+    Raises:
+      UserError: if another process holds it, or it cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        file = open(folder / LOCK, "a+")  # noqa: SIM115  # closed below, after the experiment
+    except OSError as error:
+        raise UserError(f"{folder} cannot be written ({error.strerror}); set another runs_dir=...") from error
+    with file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            file.seek(0)
+            holder = file.read().strip() or "unknown"
+            raise UserError(f"process {holder} is working in {folder}; wait for it, or set another name=...") from error
+        file.truncate(0)
+        file.write(f"{os.getpid()}\n")
+        file.flush()
+        yield

@@ -1,0 +1,136 @@
+"""What a result was made with: versions, code, machine, config, spec."""
+
+from __future__ import annotations
+
+import datetime
+import hashlib
+import importlib.metadata
+import json
+import os
+import platform
+import re
+import subprocess
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from tltlrl.config.read import MACHINERY_DEFAULTS, Experiment
+from tltlrl.errors import UserError
+from tltlrl.resources import spec_path
+
+KEYS = {
+    "command", "started", "ended", "python", "packages", "git", "platform", "cpu", "specs", "config", "later_sessions",
+}  # fmt: skip
+
+
+def start_session(command: list[str]) -> dict[str, Any]:
+    """Who computes from now on: command line, time, versions, code, machine."""
+    return {
+        "command": command,
+        "started": _now(),
+        "ended": None,
+        "python": platform.python_version(),
+        "packages": _versions(),
+        "git": _git(),
+        "platform": platform.platform(),
+        "cpu": {"model": _cpu(), "count": os.cpu_count()},
+    }
+
+
+def end_session(session: Mapping[str, Any]) -> dict[str, Any]:
+    """The session with the time of its end."""
+    return {**session, "ended": _now()}
+
+
+def manifest(experiment: Experiment, before: Mapping[str, Any] | None, session: Mapping[str, Any]) -> dict[str, Any]:
+    """The content of manifest.json: the first session, what it was asked for, and every later session that computed.
+
+    Args:
+      experiment: what is computed.
+      before: the manifest of the sessions before, if any.
+      session: this one.
+    """
+    first, later = (before, [*before["later_sessions"], session]) if before else (session, [])
+    return {
+        **{key: first[key] for key in session},
+        "specs": {Path(experiment.spec.path or "spec.tltl").name: sha256(experiment.spec.text)},
+        "config": experiment.settings,
+        "later_sessions": later,
+    }
+
+
+def read_manifest(path: Path) -> dict[str, Any] | None:
+    """manifest.json as it is; None if there is none, or none that was written whole."""
+    try:
+        content = json.loads(path.read_text())
+    except (OSError, ValueError):
+        return None
+    whole = (
+        isinstance(content, dict)
+        and content.keys() >= KEYS
+        and isinstance(content["later_sessions"], list)
+        and isinstance(content["specs"], dict)
+        and len(content["specs"]) == 1
+        and isinstance(content["config"], dict)
+        and isinstance(content["config"].get("spec"), str)
+    )
+    return content if whole else None
+
+
+def _now() -> str:
+    return datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+
+
+def settings_of(path: Path) -> dict[str, Any]:
+    """The config of a manifest.json, as a whole config: results beside the old ones, the spec's text as it was.
+
+    Raises:
+      UserError: if it cannot be read.
+    """
+    content = read_manifest(path)
+    if content is None:
+        raise UserError(
+            f"{path}: {'not' if path.exists() else 'there is no such file; give'} the manifest.json of an experiment"
+        )
+    settings = MACHINERY_DEFAULTS | content["config"] | {"runs_dir": str(path.resolve().parent.parent)}
+    ((name, digest),) = content["specs"].items()
+    try:
+        unchanged = sha256(spec_path(settings["spec"]).read_bytes().decode("utf-8-sig")) == digest
+    except UserError:
+        unchanged = False
+    return settings if unchanged else settings | {"spec": str(path.parent / "specs" / name)}
+
+
+def sha256(text: str) -> str:
+    """The digest of a spec's text."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _versions() -> dict[str, str]:
+    """Everything installed beside tltlrl: what it depends on depends on more, and any of it can move a result."""
+    installed = {re.sub("[-_.]+", "-", d.name).lower(): d.version for d in importlib.metadata.distributions()}
+    return dict(sorted(installed.items()))
+
+
+def _git() -> dict[str, Any] | None:
+    """Commit and whether the tree had changes; null if this code is not part of a checkout."""
+
+    def git(*arguments: str) -> str:
+        folder = Path(__file__).parent
+        return subprocess.run(
+            ["git", *arguments], cwd=folder, capture_output=True, text=True, check=True, timeout=10
+        ).stdout.strip()
+
+    try:
+        git("ls-files", "--error-unmatch", Path(__file__).name)  # or it lies in an environment within another project
+        return {"commit": git("rev-parse", "HEAD"), "dirty": bool(git("status", "--porcelain"))}
+    except (OSError, subprocess.SubprocessError):
+        return None
+
+
+def _cpu() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
+    except (OSError, StopIteration):
+        return platform.processor()

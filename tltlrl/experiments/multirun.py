@@ -1,0 +1,141 @@
+"""`tltl-run -m`: one experiment per combination of swept values, all of them checked before the first one starts.
+
+Hydra's launcher runs them, one after the other or (hydra/launcher=...) as jobs of a cluster. Its sweeper is not asked:
+it finds a mistake in a combination when that one's turn comes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from tltlrl.config.compose import complaints_told, compose, initialized, parse, quoted
+from tltlrl.config.read import MACHINERY_DEFAULTS, Experiment, experiment_from
+from tltlrl.errors import UserError, module_of
+
+# Swept or not, these are not in a folder's name: they name it themselves, change only how, or let it grow.
+NOT_IN_THE_NAME = ("experiment", "name", "cases", "seeds", *MACHINERY_DEFAULTS)
+LONGEST_NAME = 200  # bytes; file systems allow 255
+
+
+def run_combinations(overrides: Sequence[str], start: Callable[[dict[str, Any]], int]) -> int:
+    """Starts every combination.
+
+    Args:
+      overrides: of all of them; some have several values.
+      start: runs the experiment of a config, says what is wrong, and returns its exit code; perhaps in another process.
+
+    Returns:
+      The first exit code that is not 0.
+
+    Raises:
+      UserError, SpecError: if any combination is no experiment; nothing was started then.
+    """
+    machinery, swept = combinations(overrides)
+    experiments = _checked([[*machinery, *combination] for combination, _ in swept], [values for _, values in swept])
+    jobs = [
+        [*combination, f"name={quoted(experiment.name)}"]
+        for (combination, _), experiment in zip(swept, experiments, strict=True)
+    ]
+    try:
+        codes = _launch(machinery, jobs, start)
+    except Exception as error:
+        if not module_of(error).startswith("submitit."):
+            raise
+        print(f"tltl-run: hydra/launcher reports: {error}", file=sys.stderr)
+        return 1
+    failed = [experiment.name for experiment, code in zip(experiments, codes, strict=True) if code]
+    if failed:
+        print(
+            f"tltl-run: {len(failed)} of {len(codes)} experiments failed: {' '.join(failed)}; if a launcher started "
+            f"them, the jobs' logs say why",
+            file=sys.stderr,
+        )
+    return next((code for code in codes if code), 0)
+
+
+def combinations(overrides: Sequence[str]) -> tuple[list[str], list[tuple[list[str], list[str]]]]:
+    """Takes overrides apart.
+
+    Returns:
+      Those of Hydra itself; for every combination all of its other overrides, and the swept ones among them.
+
+    Raises:
+      UserError: if an override cannot be read, or has no finite number of values.
+    """
+    machinery: list[str] = []
+    alternatives: dict[str, list[str]] = {}  # of a key that is given twice the last one counts, as without -m
+    swept = set()
+    for override in parse(overrides):
+        key = override.get_key_element()
+        if override.is_hydra_override():
+            machinery.append(override.input_line)
+        elif not override.is_sweep_override():
+            alternatives[key] = [override.input_line]
+            swept.discard(key)
+        elif override.is_discrete_sweep():
+            alternatives[key] = [f"{key}={value}" for value in override.sweep_string_iterator()]
+            swept.add(key)
+        else:
+            raise UserError(f"{override.input_line}: -m needs single values, as in {key}=0.2,0.5 or range(1,4)")
+    return machinery, [
+        (list(chosen), [text for key, text in zip(alternatives, chosen, strict=True) if key in swept])
+        for chosen in itertools.product(*alternatives.values())
+    ]
+
+
+def folder_name(name: str, swept: Sequence[str]) -> str:
+    """The experiment's own name and the values that tell the combination from the others."""
+    values = [text.lstrip("+") for text in swept]
+    told = [text for text in values if text.partition("=")[0].split(".")[0] not in NOT_IN_THE_NAME]
+    whole = ",".join([name, *told]).replace("/", "-").encode()
+    if len(whole) <= LONGEST_NAME:
+        return whole.decode()
+    return f"{whole[: LONGEST_NAME - 9].decode(errors='ignore')}-{hashlib.sha256(whole).hexdigest()[:8]}"
+
+
+def _checked(combined: Sequence[Sequence[str]], swept: Sequence[Sequence[str]]) -> list[Experiment]:
+    """The experiments of all combinations, each with a folder of its own."""
+    experiments: dict[Path, Experiment] = {}
+    for overrides, values in zip(combined, swept, strict=True):
+        settings = compose(overrides)
+        experiment = experiment_from(settings | {"name": folder_name(str(settings["name"]), values)})
+        folder = Path(experiment.runs_dir) / experiment.name
+        if folder in experiments:
+            raise UserError(
+                f"-m: two combinations have the same folder {folder}; sweep what makes them different experiments "
+                f"(of cases and seeds one experiment has a list, as in seeds=[1,2]), or name, too"
+            )
+        experiments[folder] = experiment
+    if not experiments:
+        raise UserError("-m: a range without values makes no experiment")
+    return list(experiments.values())
+
+
+def _launch(
+    machinery: Sequence[str], jobs: Sequence[Sequence[str]], start: Callable[[dict[str, Any]], int]
+) -> list[int]:
+    """Gives jobs to Hydra's launcher; their exit codes."""
+    from hydra._internal.callbacks import Callbacks
+    from hydra.core.global_hydra import GlobalHydra
+    from hydra.core.plugins import Plugins
+    from hydra.types import HydraContext, RunMode
+    from omegaconf import OmegaConf
+
+    def job(config: Any) -> int:
+        settings: Any = OmegaConf.to_container(config, resolve=True)
+        return start(settings)
+
+    with initialized():
+        hydra = GlobalHydra.instance().hydra
+        with complaints_told(machinery):
+            config = hydra.compose_config(
+                "config", [*machinery, *jobs[0]], RunMode.MULTIRUN, from_shell=False, with_log_configuration=False
+            )
+            context = HydraContext(config_loader=hydra.config_loader, callbacks=Callbacks(config))
+            launcher = Plugins.instance().instantiate_launcher(hydra_context=context, task_function=job, config=config)
+        return [done.return_value for done in launcher.launch(jobs, 0)]

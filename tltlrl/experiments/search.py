@@ -1,0 +1,461 @@
+"""`tltl search`: the best values of a few keys of a config, asked for by Optuna and answered by ordinary experiments.
+
+A command of its own, since it has what `tltl-run` has not (trials, an objective, a best one) and lacks what that has
+(one folder, one table of cases). What may be searched is written in Hydra's own sweep grammar, as for `tltl-run -m`:
+interval(0,0.4), int(interval(2,8)), tag(log,interval(0.1,2)), range(10,50,10), choice(a,b) or a,b.
+
+Trial k is the experiment `trial_<k>` in the search's folder, so it is resumed like any other. Its parameters are a
+pure function of the search's seed, of k and of the results before k (`propose`), and they enter the journal as one
+line: a search that was stopped anywhere goes on to the same trials as one that was not.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import shlex
+import shutil
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import yaml
+
+from tltlrl.config.compose import parse
+from tltlrl.config.read import Experiment, experiment_from, flatten
+from tltlrl.errors import UserError
+from tltlrl.experiments.engine import check_scheduler
+from tltlrl.experiments.experiment import LOCK, LOG, lock, run_experiment
+from tltlrl.experiments.manifest import sha256
+from tltlrl.logic import SpecError
+from tltlrl.reports.report import SUMMARY, SUMMARY_PAGE
+from tltlrl.store.files import write_bytes, write_text
+
+if TYPE_CHECKING:
+    from optuna import Study
+    from optuna.distributions import BaseDistribution
+    from optuna.trial import FrozenTrial
+
+SEARCH, JOURNAL, TRIALS = "search.yaml", "journal.log", "trials.csv"
+# With another value of these a trial would be measured differently, or elsewhere, and not be better or worse.
+NOT_SEARCHED = (
+    "experiment", "name", "spec", "constants", "cases", "seeds", "trials", "workers", "engine", "runs_dir", "overwrite",
+)  # fmt: skip
+# What makes a search cheaper than the experiment, and what is about its machine: not in the command of the best one.
+BUDGET = ("seeds", "trials", "algorithm.iterations", "name", "workers", "engine", "engine.address", "overwrite")
+MOST_TRIALS = 1000
+
+Parameters = Mapping[str, Any]  # key => value; of a choice, its text as in an override
+
+
+@dataclass(frozen=True)
+class Search:
+    """What is searched, and where.
+
+    Attributes:
+      base: the experiment, with its own values for the searched keys.
+      fixed: the overrides that made it.
+      space: key => what it may be, as written, without spaces.
+      distributions: the same for Optuna.
+      configure: values of searched keys => the whole config with them.
+      seed: of the sampler.
+    """
+
+    base: Experiment
+    fixed: tuple[str, ...]
+    space: dict[str, str]
+    distributions: dict[str, BaseDistribution]
+    configure: Callable[[Parameters], dict[str, Any]]
+    seed: int
+
+    @property
+    def folder(self) -> Path:
+        """Where the trials' folders, the journal and the tables lie; beside an experiment of the config's own name."""
+        named = any(override.startswith("name=") for override in self.fixed)
+        return Path(self.base.runs_dir) / (self.base.name if named else f"{self.base.name}_search")
+
+    def trial_folder(self, number: int) -> Path:
+        """Where a trial's results lie, as those of any experiment."""
+        return self.folder / f"trial_{number:03d}"
+
+    def trial(self, number: int, parameters: Parameters) -> Experiment:
+        """The experiment of a trial.
+
+        Raises:
+          UserError, SpecError: if no experiment can have these values.
+        """
+        path = self.trial_folder(number)
+        place = {"name": path.name, "runs_dir": str(path.parent), "overwrite": False}
+        return experiment_from(self.configure(parameters) | place)
+
+
+def require_optuna() -> None:
+    """Imports Optuna, and silences what it says about every trial.
+
+    Raises:
+      UserError: if it is not installed.
+    """
+    try:
+        import optuna
+    except ImportError as error:
+        raise UserError("the search needs Optuna, an extra: pip install 'tltlrl[search]'") from error
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+
+
+def parse_space(overrides: Sequence[str]) -> tuple[list[str], dict[str, str], dict[str, BaseDistribution]]:
+    """Divides overrides into those that are fixed and those that say what may be searched.
+
+    Returns:
+      The fixed ones; key => what is searched, as written; key => the same for Optuna.
+
+    Raises:
+      UserError: if nothing is searched, or something that cannot be, or an override cannot be read.
+    """
+    fixed: list[str] = []
+    space: dict[str, str] = {}
+    distributions: dict[str, BaseDistribution] = {}
+    for text, override in zip(overrides, parse(overrides), strict=True):
+        if not override.is_sweep_override():
+            fixed.append(text)
+            continue
+        key = override.get_key_element().lstrip("+")
+        if key.split(".")[0] in NOT_SEARCHED:
+            raise UserError(f"{key}: it cannot be searched; trials have the same runs, and one spec to be compared by")
+        if key in space:
+            raise UserError(f"{key}: given twice")
+        space[key] = "".join(text.partition("=")[2].split())
+        distributions[key] = _distribution(key, space[key], override)
+    if not space:
+        raise UserError(
+            "say what to search, as in 'reward.c2=interval(0,0.4)' or algorithm.covariance=damped,published"
+        )
+    return fixed, space, distributions
+
+
+def _distribution(key: str, text: str, override: Any) -> BaseDistribution:
+    """Of one parsed override with a sweep as its value."""
+    from hydra.core.override_parser.types import ChoiceSweep, IntervalSweep, RangeSweep
+    from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
+
+    sweep = override.value()
+    if isinstance(sweep, RangeSweep) and not sweep.shuffle:
+        values = list(sweep.range())
+        if values and sweep.step > 0:
+            kind: Any = IntDistribution if isinstance(values[0], int) else FloatDistribution
+            distribution: BaseDistribution = kind(values[0], values[-1], step=sweep.step)
+            return distribution
+    elif isinstance(sweep, IntervalSweep):
+        low, high, log = sweep.start, sweep.end, "log" in sweep.tags
+        possible = low is not None and high is not None and low < high and (low > 0 or not log)
+        if possible and sweep.tags <= {"log"} and math.isfinite(low) and math.isfinite(high):
+            return (IntDistribution if isinstance(low, int) else FloatDistribution)(low, high, log=log)
+    elif isinstance(sweep, ChoiceSweep) and not sweep.shuffle:
+        choices = list(override.sweep_string_iterator())
+        if len(set(choices)) == len(choices):
+            return CategoricalDistribution(choices)
+    raise UserError(
+        f"{key}: {text} cannot be searched; there are interval(LOW,HIGH), int(interval(LOW,HIGH)), "
+        "tag(log,interval(LOW,HIGH)) with LOW above 0, range(START,STOP,STEP) and choice(A,B)"
+    )
+
+
+def run_search(search: Search, count: int, command: list[str]) -> list[dict[str, Any]]:
+    """Does what is missing of the first `count` trials and writes trials.csv and summary.md.
+
+    Args:
+      search: what to do.
+      count: trials in all, those of earlier sessions included.
+      command: the command line, for the trials' manifests.
+
+    Returns:
+      The rows of trials.csv.
+
+    Raises:
+      UserError: if the folder holds another search, or another process works in it.
+    """
+    if not 1 <= count <= MOST_TRIALS or not 0 <= search.seed < 2**63:
+        raise UserError(f"--trials must lie between 1 and {MOST_TRIALS}, and --seed be at least 0")
+    _check_space(search)
+    if search.base.engine.address is not None:
+        check_scheduler(search.base.engine.address)
+    with lock(search.folder):
+        _prepare(search)
+        study = open_study(search.folder / JOURNAL)
+        before = sum(trial.state.is_finished() for trial in study.trials[:count])
+        if before:
+            _say(f"{before} of {count} trials were done before and are kept")
+        for number in range(count):
+            _try(search, study, number, count, command)
+        table = table_of(search, study.trials)
+        write_tables(search, table)
+    return table
+
+
+def _try(search: Search, study: Study, number: int, count: int, command: list[str]) -> None:
+    """Does what is missing of one trial."""
+    from optuna.trial import TrialState
+
+    if number == len(study.trials):
+        study.add_trial(_begin(search, study.trials, number))  # one line of the journal: all of it or nothing
+    trial = study.trials[number]
+    if trial.state == TrialState.FAIL or (trial.state == TrialState.COMPLETE and results(search, number)):
+        return
+    _say(f"trial {number} ({number + 1} of {count}): {describe(trial.params)}")
+    succeeded = run_experiment(search.trial(number, trial.params), command)
+    found = results(search, number) if succeeded else []
+    if not trial.state.is_finished():  # otherwise its folder was gone, and has come back
+        value = objective(found)
+        if math.isfinite(value):
+            study.tell(number, value)
+            best = max(t.value for t in study.trials if t.value is not None)
+            _say(f"trial {number}: robustness {value:+.4f}; best so far {best:+.4f}")
+        else:
+            study.tell(number, state=TrialState.FAIL)
+            _say(f"trial {number} FAILED; see {search.trial_folder(number)}")
+    write_tables(search, table_of(search, study.trials))
+
+
+def _begin(search: Search, earlier: Sequence[FrozenTrial], number: int) -> FrozenTrial:
+    """The next trial: to be run, or failed already if there is no experiment with its parameters."""
+    from optuna.trial import TrialState, create_trial
+
+    parameters = propose(search.distributions, earlier, search.seed, number)
+    state, attributes = TrialState.RUNNING, {}
+    try:
+        search.trial(number, parameters)
+    except (UserError, SpecError) as error:
+        state, attributes = TrialState.FAIL, {"message": str(error)}
+        _say(f"trial {number}: {describe(parameters)} FAILED: {error}")
+    return create_trial(state=state, params=dict(parameters), distributions=search.distributions, user_attrs=attributes)
+
+
+def propose(
+    distributions: Mapping[str, BaseDistribution], earlier: Sequence[FrozenTrial], seed: int, number: int
+) -> Parameters:
+    """The parameters of a trial, by Optuna's tree-structured Parzen estimator.
+
+    Args:
+      distributions: what they may be.
+      earlier: the trials before it; only those that are complete say something.
+      seed: of the search.
+      number: of the trial; with the seed it decides the random numbers.
+    """
+    import optuna
+    from optuna.trial import TrialState
+
+    words = int(np.random.SeedSequence([seed, number]).generate_state(1)[0])
+    study = optuna.create_study(direction="maximize", sampler=optuna.samplers.TPESampler(seed=words))
+    study.add_trials([trial for trial in earlier if trial.state == TrialState.COMPLETE])
+    return study.ask(dict(distributions)).params
+
+
+def open_study(journal: Path) -> Study:
+    """The study kept in a journal file, which is made if there is none.
+
+    Whoever was killed may have left a lock, and half a line at the end, which stands for nothing done: both go. The
+    caller holds the folder's own lock, so nobody else is writing.
+
+    Raises:
+      UserError: if the journal cannot be read.
+    """
+    import optuna
+    from optuna.storages import JournalStorage
+    from optuna.storages.journal import JournalFileBackend
+
+    journal.with_name(f"{journal.name}.lock").unlink(missing_ok=True)
+    if journal.exists() and not (content := journal.read_bytes()).endswith(b"\n"):
+        write_bytes(journal, content[: content.rfind(b"\n") + 1])
+    try:
+        storage = JournalStorage(JournalFileBackend(str(journal)))
+        return optuna.create_study(storage=storage, study_name="search", direction="maximize", load_if_exists=True)
+    except (ValueError, KeyError, TypeError, AssertionError) as error:
+        raise UserError(
+            f"{journal} is damaged ({error}); put back a copy of it, or set another name=... or overwrite=true"
+        ) from error
+
+
+def _check_space(search: Search) -> None:
+    """A choice that makes no experiment is a mistake, and so is an interval neither of whose ends does.
+
+    One end may: whether the other is possible can depend on what else is searched.
+
+    Raises:
+      UserError, SpecError: on a mistake, before anything is written.
+    """
+    for key, distribution in search.distributions.items():
+        choices = getattr(distribution, "choices", None)
+        errors = []
+        for value in choices or (distribution.low, distribution.high):  # type: ignore[attr-defined]
+            try:
+                experiment_from(search.configure({key: value}))
+            except (UserError, SpecError) as error:
+                errors.append(error)
+        if errors and (choices or len(errors) == 2):
+            raise errors[0]
+
+
+def _prepare(search: Search) -> None:
+    """Makes the folder ready: new, emptied with overwrite=true, or the same search's.
+
+    Raises:
+      UserError: if it holds something else, with the difference.
+    """
+    record = {
+        "name": search.base.name,
+        "space": search.space,
+        "seed": search.seed,
+        "config": search.base.settings,
+        "spec_sha256": sha256(search.base.spec.text),
+    }
+    file = search.folder / SEARCH
+    if any(not entry.name.startswith(".") for entry in search.folder.iterdir()):
+        try:
+            before = yaml.safe_load(file.read_text())
+        except (OSError, ValueError, yaml.YAMLError):  # ValueError: not UTF-8
+            before = None
+        if not isinstance(before, dict) or set(before) != set(record):
+            raise UserError(
+                f"{search.folder} exists and holds no search (its {SEARCH} is missing or not one of ours); "
+                f"set another name=... or runs_dir=..."
+            )
+        if search.base.overwrite:
+            for entry in sorted(search.folder.iterdir(), key=lambda entry: entry == file):  # known for ours to the last
+                if entry.name != LOCK:
+                    shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
+        else:
+            _check_same(before, record, search.folder)
+    write_text(file, yaml.safe_dump(record, sort_keys=False))
+
+
+def _check_same(before: Mapping[str, Any], now: Mapping[str, Any], folder: Path) -> None:
+    old, new = flatten(before), flatten(now)
+    differences = [
+        f"  {key.removeprefix('config.')}: {old.get(key, 'absent')} there, {new.get(key, 'absent')} now\n"
+        for key in sorted(old.keys() | new.keys())
+        if old.get(key) != new.get(key)
+    ]
+    if differences:
+        raise UserError(
+            f"{folder} holds another search:\n{''.join(differences)}"
+            f"Set another name=..., or overwrite=true to delete what is there."
+        )
+
+
+def results(search: Search, number: int) -> list[dict[str, str]]:
+    """The rows of a trial's summary.csv; none if it is not whole."""
+    try:
+        with open(search.trial_folder(number) / SUMMARY, newline="", encoding="utf-8") as file:
+            found = list(csv.DictReader(file))
+        for row in found:
+            float(row["robustness_policy"]), int(row["successes"]), int(row["trials"]), row["satisfied"]
+    except (OSError, ValueError, KeyError, TypeError, csv.Error):
+        return []
+    return found if len(found) == len(search.base.runs()) else []
+
+
+def objective(found: Sequence[Mapping[str, str]]) -> float:
+    """What is maximised: robustness of the final mean policy, averaged over cases and seeds; NaN without any."""
+    return sum(float(row["robustness_policy"]) for row in found) / len(found) if found else math.nan
+
+
+def table_of(search: Search, trials: Sequence[FrozenTrial]) -> list[dict[str, Any]]:
+    """trials.csv: the finished trials, in order."""
+    table = []
+    for trial in trials:
+        if not trial.state.is_finished():
+            continue
+        row = {"number": trial.number, **trial.params, "state": trial.state.name}
+        if trial.value is not None:
+            found = results(search, trial.number)
+            row |= {
+                "objective": trial.value,
+                "satisfied": sum(run["satisfied"] == "True" for run in found),
+                "runs": len(found),
+                "successes": sum(int(run["successes"]) for run in found),
+                "trials": sum(int(run["trials"]) for run in found),
+            }
+        table.append(row | ({"message": trial.user_attrs["message"]} if "message" in trial.user_attrs else {}))
+    return table
+
+
+def write_tables(search: Search, table: Sequence[Mapping[str, Any]]) -> None:
+    """Writes trials.csv and summary.md."""
+    columns = ["number", *search.space, "objective", "satisfied", "runs", "successes", "trials", "state"]
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, extrasaction="ignore", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(table)
+    write_text(search.folder / TRIALS, text.getvalue())
+    write_text(search.folder / SUMMARY_PAGE, summary_page(search, table))
+
+
+def summary_page(search: Search, table: Sequence[Mapping[str, Any]]) -> str:
+    """summary.md: the trials, best first, and the command that runs the best one on other seeds."""
+    ranked = best_first(table)
+    failed = failures(table)
+    lines = [
+        f"# {search.folder.name}",
+        "",
+        f"{len(table)} trials, sampler's seed {search.seed}; each is {len(search.base.runs())} runs of "
+        f"{search.base.algorithm.iterations} iterations: cases {', '.join(c.name for c in search.base.cases)}, seeds "
+        f"{', '.join(map(str, search.base.seeds))}. Robustness is that of the final mean policy, averaged over them.",
+        "",
+        *(f"- {key}: {text}" for key, text in search.space.items()),
+        "",
+        f"| trial | {' | '.join(search.space)} | robustness | satisfied | successful trials |",
+        "|---" * (len(search.space) + 4) + "|",
+        *(
+            f"| {row['number']} | {' | '.join(_short(row[key]) for key in search.space)} | {row['objective']:+.4f} "
+            f"| {row['satisfied']} of {row['runs']} | {row['successes']} of {row['trials']} |"
+            for row in ranked
+        ),
+        "",
+    ]
+    if ranked:
+        lines += [
+            "The best at the experiment's own budget and seeds:",
+            "",
+            f"    {best_command(search, ranked[0])}",
+            "",
+        ]
+    if failed:
+        lines += ["## Failed trials", ""]
+        for row in failed:
+            why = row.get("message") or f"see {search.trial_folder(row['number']).name}/{LOG}"
+            lines.append(f"- {row['number']}, {describe({key: row[key] for key in search.space})}: {why}")
+        lines.append("")
+    return "\n".join(lines)
+
+
+def failures(table: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """The rows that have no objective."""
+    return [row for row in table if "objective" not in row]
+
+
+def best_first(table: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """The rows that have an objective; of equal ones the earlier trial is first."""
+    return sorted((row for row in table if "objective" in row), key=lambda row: -row["objective"])
+
+
+def best_command(search: Search, row: Mapping[str, Any]) -> str:
+    """The command that runs a trial's config as the experiment it came from: its own seeds, trials and iterations."""
+    kept = [override for override in search.fixed if override.partition("=")[0].lstrip("+") not in BUDGET]
+    found = [f"{key}={row[key]}" for key in search.space]
+    return shlex.join(["tltl-run", *kept, *found, f"name={search.folder.name}_best"])
+
+
+def describe(parameters: Parameters) -> str:
+    """For messages."""
+    return ", ".join(f"{key}={_short(value)}" for key, value in parameters.items())
+
+
+def _short(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _say(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)

@@ -1,0 +1,269 @@
+"""What a document declares, settled for itself: every name once, families by their labels, constants with their
+overrides, and in a bare formula the signals that its names stand for."""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from numbers import Real
+from typing import TypeGuard
+
+import numpy as np
+
+from tltlrl.logic import syntax
+from tltlrl.logic.errors import Source, Span, SpecError, did_you_mean, elsewhere
+from tltlrl.logic.syntax import Node
+
+Value = float | tuple[float, ...]
+MAX_DIMENSION = 1000  # of a signal: each component is a node of its own
+
+# name -> fewest and most arguments
+FUNCTIONS = {
+    "abs": (1, 1),
+    "sqrt": (1, 1),
+    "exp": (1, 1),
+    "sin": (1, 1),
+    "cos": (1, 1),
+    "min": (1, math.inf),
+    "max": (1, math.inf),
+    "norm": (1, 1),
+    "distance": (2, 2),
+    "ball": (3, 3),
+    "box": (3, 3),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Declarations:
+    """The names of a document, before any formula is read.
+
+    `names` are all that it declares, `families` the labels of those that have members, `document` is the one given
+    with the effective constants in place. `is_bare` says that it declares nothing, so that its names are signals.
+    """
+
+    names: tuple[str, ...]
+    signals: dict[str, int | None]
+    signal_spans: dict[str, Span]
+    families: dict[str, tuple[str, ...]]
+    constants: dict[str, Value | dict[str, Value]]
+    document: syntax.Document
+    is_bare: bool
+
+
+def declare(source: Source, document: syntax.Document, overrides: Mapping[str, object] | None) -> Declarations:
+    """Read the declarations and override constants. Raises SpecError."""
+    names, labels = _names(source, document)
+    families = {name: tuple(found) for name, found in labels.items()}
+    for d in document.declarations:
+        if isinstance(d, syntax.Definition) and d.variable:
+            check_binding(source, d.span, d.variable, d.labels, names)
+    own = [d for d in document.declarations if isinstance(d, syntax.Signal)]
+    signals, spans = {d.name: d.dimension for d in own}, {d.name: d.span for d in own}
+    is_bare = not document.declarations
+    if is_bare:
+        signals, spans = _inferred_signals(document.formula)
+        for name in sorted({"true", "false", "inf"} & signals.keys()):
+            raise SpecError(source, spans[name], f"found '{name}'; expected the name of a signal; {elsewhere(name)}")
+    constants = _effective_constants(source, document, families, {} if overrides is None else overrides)
+    return Declarations(names, signals, spans, families, constants, _with_constants(document, constants), is_bare)
+
+
+def check_binding(source: Source, span: Span, variable: str, labels: tuple[str, ...], names: tuple[str, ...]) -> None:
+    """Whether a family or quantifier may use this variable for these labels. Raises SpecError."""
+    if len(set(labels)) < len(labels):
+        twice = next(label for label in labels if labels.count(label) > 1)
+        raise SpecError(source, span, f"the label '{twice}' is listed twice; expected once; delete one")
+    if variable in names or variable in labels or variable in FUNCTIONS:
+        raise SpecError(
+            source,
+            span,
+            f"the variable '{variable}' has another meaning here; expected a new name; choose another variable",
+        )
+
+
+def _names(source: Source, document: syntax.Document) -> tuple[tuple[str, ...], dict[str, list[str]]]:
+    """Every declared name, and the labels of those that are families."""
+    declared: dict[str, syntax.Signal | syntax.Constant | syntax.Definition] = {}
+    labels: dict[str, list[str]] = {}
+    for d in document.declarations:
+        first = declared.get(d.name)
+        if d.name in FUNCTIONS:
+            raise SpecError(
+                source, d.span, f"'{d.name}' is a function of the language; expected a new name; choose another"
+            )
+        if first is not None and not (isinstance(d, syntax.Constant) and isinstance(first, syntax.Constant)):
+            raise SpecError(
+                source,
+                d.span,
+                f"'{d.name}' is declared twice, first on line {first.span.line}; expected once; rename one",
+            )
+        if isinstance(d, syntax.Constant):
+            if first is not None and (d.label is None or d.name not in labels or d.label in labels[d.name]):
+                what = d.name if d.label is None else f"{d.name}[{d.label}]"
+                raise SpecError(
+                    source,
+                    d.span,
+                    f"'{what}' is declared twice, first on line {first.span.line}; expected once; delete one",
+                )
+            if d.label is not None:
+                labels.setdefault(d.name, []).append(d.label)
+            if not all(map(math.isfinite, d.value if isinstance(d.value, tuple) else (d.value,))):
+                raise SpecError(
+                    source,
+                    d.span,
+                    f"the value of '{d.name}' is too large for a float; expected a finite number; write one",
+                )
+        if isinstance(d, syntax.Signal) and d.dimension is not None and not 1 <= d.dimension <= MAX_DIMENSION:
+            raise SpecError(
+                source,
+                d.span,
+                f"this is no dimension; expected a whole number from 1 to {MAX_DIMENSION}; write for instance ee[2]",
+            )
+        if isinstance(d, syntax.Definition) and d.variable:
+            labels[d.name] = list(d.labels)
+        declared.setdefault(d.name, d)
+    return tuple(declared), labels
+
+
+def _inferred_signals(formula: Node) -> tuple[dict[str, int | None], dict[str, Span]]:
+    """In a bare formula every free name is a signal: a vector where it meets one, else a scalar."""
+    names: dict[str, Span] = {}
+    for node, _ in syntax.walk(formula):
+        if isinstance(node, syntax.Name):
+            names.setdefault(node.name, node.span)
+    known: dict[str, int] = {}
+    for _ in range(2):
+        for node, _ in syntax.walk(formula):
+            match node:
+                case syntax.Call("distance" | "ball" | "box", pair) if len(pair) > 1:
+                    # A ball's radius is a scalar; all else in these three calls has one dimension.
+                    terms = pair[:2] if node.function == "ball" else pair
+                case syntax.Arithmetic("+" | "-", a, b):
+                    terms = (a, b)
+                case _:
+                    continue
+            dimension = next((d for t in terms if (d := _dimension(t, known)) is not None), None)
+            if dimension is not None:
+                known |= {t.name: dimension for t in terms if isinstance(t, syntax.Name)}
+    return {name: known.get(name) for name in names}, names
+
+
+def _dimension(node: Node, known: Mapping[str, int]) -> int | None:
+    """The dimension of an expression in a bare formula as far as its form shows it."""
+    parts: Iterator[Node] = iter(())
+    match node:
+        case syntax.Vector(items):
+            return len(items)
+        case syntax.Name(name):
+            return known.get(name)
+        case syntax.Negative(a):
+            parts = iter((a,))
+        case syntax.Arithmetic(_, a, b):
+            parts = iter((a, b))
+    return next((d for part in parts if (d := _dimension(part, known)) is not None), None)
+
+
+def _effective_constants(
+    source: Source,
+    document: syntax.Document,
+    families: Mapping[str, tuple[str, ...]],
+    overrides: Mapping[str, object],
+) -> dict[str, Value | dict[str, Value]]:
+    own = [d for d in document.declarations if isinstance(d, syntax.Constant)]
+    names = list(dict.fromkeys(d.name for d in own))
+    if not isinstance(overrides, Mapping):
+        raise SpecError(
+            source,
+            own[0].span if own else document.span,
+            f"the overrides are of type {type(overrides).__name__}; expected a mapping from constant to value; "
+            "pass for instance {'goal_radius': 0.3}",
+        )
+    for name in overrides:
+        if name not in names:
+            span = own[0].span if own else document.span
+            raise SpecError(
+                source,
+                span,
+                f"an override gives the constant '{name}', which this spec lacks; expected one of "
+                f"its own; {did_you_mean(name, names)}",
+            )
+    for name, given in overrides.items():
+        d = next(d for d in own if d.name == name)
+        if name in families:
+            if not isinstance(given, Mapping):
+                first = families[name][0]
+                raise SpecError(
+                    source,
+                    d.span,
+                    f"'{name}' is a family of constants, and its override is {_shown(given)}; "
+                    f"expected a mapping, such as {{'{first}': {syntax.value_text(d.value)}}}; write one",
+                )
+            for label in given:
+                if str(label) not in families[name]:
+                    raise SpecError(
+                        source,
+                        d.span,
+                        f"an override gives '{name}[{label}]', which this spec lacks; expected one of its own; "
+                        f"{did_you_mean(str(label), families[name])}",
+                    )
+    constants: dict[str, Value | dict[str, Value]] = {}
+    for d in own:
+        given = overrides.get(d.name, d.value)
+        if d.label is None:
+            constants[d.name] = _value(source, d, given)
+        else:
+            family = constants.setdefault(d.name, {})
+            assert isinstance(family, dict)
+            by_label = {str(k): v for k, v in given.items()} if isinstance(given, Mapping) else {}
+            family[d.label] = _value(source, d, by_label.get(d.label, d.value))
+    return constants
+
+
+def _value(source: Source, d: syntax.Constant, given: object) -> Value:
+    """An override as floats, of the same dimension as the value it replaces."""
+    plain = given.tolist() if isinstance(given, np.ndarray) else given
+    if isinstance(d.value, tuple):
+        if isinstance(plain, list | tuple) and len(plain) == len(d.value) and all(map(_is_number, plain)):
+            return tuple(map(float, plain))
+    elif _is_number(plain):
+        return float(plain)
+    what = d.name if d.label is None else f"{d.name}[{d.label}]"
+    expected = f"a vector of {len(d.value)} numbers" if isinstance(d.value, tuple) else "a number"
+    advice = "correct the override"
+    if isinstance(d.value, tuple) and isinstance(given, Mapping):
+        components = ",".join(map(syntax.number_text, d.value))
+        advice = f"give all of it at once, as {d.name if d.label is None else f'{d.name}.{d.label}'}=[{components}]"
+    raise SpecError(
+        source,
+        d.span,
+        f"the override of '{what}' is {_shown(given)}; expected {expected}, finite, as the spec's own value; {advice}",
+    )
+
+
+def _is_number(given: object) -> TypeGuard[float]:
+    """Whether it is a finite real number; a truth value is none."""
+    try:
+        return not isinstance(given, bool) and isinstance(given, Real) and math.isfinite(given)
+    except OverflowError:  # an integer beyond the floats
+        return False
+
+
+def _shown(given: object) -> str:
+    try:
+        return repr(given)
+    except ValueError:  # Python writes no integers of thousands of digits
+        return "a number of thousands of digits"
+
+
+def _with_constants(document: syntax.Document, constants: Mapping[str, Value | dict[str, Value]]) -> syntax.Document:
+    def effective(
+        d: syntax.Signal | syntax.Constant | syntax.Definition,
+    ) -> syntax.Signal | syntax.Constant | syntax.Definition:
+        if not isinstance(d, syntax.Constant):
+            return d
+        value = constants[d.name]
+        if isinstance(value, dict):
+            assert d.label is not None
+            value = value[d.label]
+        return syntax.Constant(d.name, d.label, value, span=d.span)
+
+    return syntax.Document(tuple(map(effective, document.declarations)), document.formula, span=document.span)

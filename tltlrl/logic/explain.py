@@ -1,0 +1,151 @@
+"""Which predicate, at which step, decides a robustness value."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from tltlrl.logic.graph import Array
+from tltlrl.logic.resolve import Meaning, Truth
+from tltlrl.logic.semantics import Signals, Values, plan
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """Why one trajectory has its robustness.
+
+    min and max select: the value of a formula is the margin of one predicate at one step, with its sign
+    turned once per negation on the way (`negated`: an odd number of times): `value == -margin if negated
+    else margin`, exactly. When the end of the trajectory decides (X at the last sample, a T without a
+    second sample), `value` is infinite, `predicate`, `name`, `line`, `column` and `margin` are None and
+    `step` is the last sample.
+    """
+
+    value: float
+    predicate: str | None
+    name: str | None  # innermost named sub-formula that holds the predicate
+    source: str
+    line: int | None
+    column: int | None
+    step: int
+    margin: float | None
+    negated: bool
+    definitions: Mapping[str, float]  # each named sub-formula's value on the whole trajectory
+
+    @property
+    def satisfied(self) -> bool:
+        """Robustness above zero. At exactly zero neither the formula nor its negation is robustly true."""
+        return self.value > 0
+
+    @property
+    def verdict(self) -> str:
+        """`satisfied`, `violated`, or `undecided` at exactly zero."""
+        return "satisfied" if self.value > 0 else "violated" if self.value < 0 else "undecided"
+
+    @property
+    def decided_by(self) -> str:
+        """How it was decided: `at step 3 by x < 1 in low, margin +0.2`."""
+        if self.predicate is None:
+            return f"by the end of the trajectory, step {self.step}"
+        part = f" in {self.name}" if self.name else ""
+        atom = f"!({self.predicate})" if self.negated else self.predicate
+        return f"at step {self.step} by {atom}{part}, margin {self.margin:+.6g}"
+
+    @property
+    def place(self) -> str:
+        """Where the predicate stands, `file:line:column`; the file alone when the end decides."""
+        return self.source if self.line is None else f"{self.source}:{self.line}:{self.column}"
+
+    def __str__(self) -> str:
+        return f"{self.verdict}, robustness {self.value:+.6g}: decided {self.decided_by} ({self.place})"
+
+
+def explain(meaning: Meaning, source: str, signals: Signals) -> Explanation:
+    """Explain one trajectory: `signals` hold (1, T) arrays."""
+    end = next(iter(signals.values())).shape[1]
+
+    def suffixes(stop: int, *formulas: Truth) -> Values:
+        """The value of these formulas, and of all below them, on every slice [t, stop)."""
+        cut = {key: array[:, :stop] for key, array in signals.items()}
+        wanted = dict.fromkeys(_nodes(formulas), (0, stop))
+        return {node: array[0] for node, array in plan(meaning.graph, wanted, stop).run(cut).items()}
+
+    named = {title: truth for title, (truth, _) in meaning.definitions.items()}
+    values = suffixes(end, meaning.formula, *named.values())
+    # Adding 0.0 makes +0.0 of the -0.0 that a negation leaves.
+    definitions = {title: float(values[truth.node][0]) + 0.0 for title, truth in named.items()}
+    value = float(values[meaning.root][0]) + 0.0
+    formula, t, stop, negated, name = meaning.formula, 0, end, False, None
+    while True:
+        name = formula.name or name
+        if formula.predicate is not None:
+            margin = float(values[formula.node][t]) + 0.0
+            text, span = formula.predicate.text, formula.predicate.span
+            return Explanation(value, text, name, source, span.line, span.column, t, margin, negated, definitions)
+        negated ^= formula.operation == "negative"
+        step = _step(formula, t, stop, values, suffixes)
+        if step is None:
+            return Explanation(value, None, None, source, None, None, stop - 1, None, negated, definitions)
+        formula, t, cut = step
+        if cut < stop:
+            values, stop = suffixes(cut, formula), cut
+
+
+def _nodes(formulas: Iterable[Truth]) -> list[int]:
+    """The nodes of these formulas and of all below them: down to predicates, not into their arithmetic."""
+    found: dict[Truth, int] = {}
+    stack = list(formulas)
+    while stack:
+        formula = stack.pop()
+        if formula not in found:
+            found[formula] = formula.node
+            stack.extend(formula.parts)
+    return sorted(set(found.values()))
+
+
+def _step(
+    formula: Truth, t: int, stop: int, values: Values, suffixes: Callable[[int, Truth], Values]
+) -> tuple[Truth, int, int] | None:
+    """The part, its step and the end of its slice that give a formula its value at t on [t, stop).
+
+    `values` are those of the slices that end at `stop`, `suffixes` computes those that end earlier. None when there
+    is none: the end of the trajectory decides.
+    """
+    value = values[formula.node][t]
+    match formula.operation, formula.data:
+        case "negative", _:
+            return formula.parts[0], t, stop
+        case (("minimum" | "maximum"), _):
+            return next(part for part in formula.parts if values[part.node][t] == value), t, stop
+        case "next", (int(k), _):
+            return (formula.parts[0], t + k, stop) if t + k < stop else None
+        case (("always" | "eventually"), (window,)):
+            low, high = window if isinstance(window, tuple) else (0, stop)
+            seen = values[formula.parts[0].node][t + low : min(t + high + 1, stop)]
+            return (formula.parts[0], t + low + _first(seen, value), stop) if len(seen) else None
+        case (("until" | "then"), (window, bool(truncated))):
+            low, high = window if isinstance(window, tuple) else (0, stop)
+            p, q = formula.parts
+            fold, empty = (np.minimum, np.inf) if formula.operation == "until" else (np.maximum, -np.inf)
+            if truncated:
+                lefts = (suffixes(e, p)[p.node][t:] for e in range(t + 1, stop))
+                held = np.array([empty, *(fold.reduce(left) for left in lefts)])
+            else:
+                held = np.concatenate(([empty], fold.accumulate(values[p.node][t : stop - 1])))
+            ends = np.arange(t, stop)
+            reached = np.minimum(values[q.node][t:stop], held) == value
+            matches = ends[reached & (ends >= t + low) & (ends <= t + high)]
+            if not len(matches):
+                return None
+            e = int(matches[0])
+            if values[q.node][e] == value:
+                return q, e, stop
+            if e == t:
+                return None
+            before = (suffixes(e, p) if truncated else values)[p.node][t:e]
+            return p, t + _first(before, value), e if truncated else stop
+    raise TypeError(f"{formula.operation} is no formula")
+
+
+def _first(seen: Array, value: float) -> int:
+    return int(np.flatnonzero(seen == value)[0])

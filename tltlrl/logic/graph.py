@@ -1,0 +1,139 @@
+"""What a spec means, as one flat graph of scalar operations: each value of a trajectory over time is
+computed once.
+
+Vectors are gone (one node per component), names are gone (one node per distinct sub-formula), and every
+node's arguments come before it, so that no pass over the graph needs recursion.
+"""
+
+import math
+from collections.abc import Container, Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# op -> the function of its arguments' arrays. n-ary minimum and maximum fold from the left.
+UFUNCS: dict[str, np.ufunc] = {
+    "add": np.add,
+    "subtract": np.subtract,
+    "multiply": np.multiply,
+    "divide": np.divide,
+    "power": np.power,
+    "negative": np.negative,
+    "absolute": np.absolute,
+    "sqrt": np.sqrt,
+    "exp": np.exp,
+    "sin": np.sin,
+    "cos": np.cos,
+    "minimum": np.minimum,
+    "maximum": np.maximum,
+}
+ARITHMETIC = {*UFUNCS, "norm", "squares"}
+POINTWISE = {*ARITHMETIC, "signal", "constant"}
+# Not defined, or not finite, for some finite arguments: computed at every sample, so that a mistake is
+# never missed.
+PARTIAL = {"divide", "power", "sqrt", "exp"}
+
+Window = tuple[int, int] | None
+
+
+@dataclass(frozen=True, slots=True)
+class Op:
+    """One node: an operation, the numbers of its arguments, and its parameters.
+
+    | name | parameters | value at t |
+    |---|---|---|
+    | signal | signal's name, component or None | the sample |
+    | constant | number | the number |
+    | any of UFUNCS | | that function of the arguments at t |
+    | norm, squares | | root of the sum of squares, the sum |
+    | next | steps k, strong | argument at t + k; beyond the end -inf when strong, else +inf |
+    | always, eventually | window or None | min, max over the window, None meaning to the end |
+    | second | | second smallest value of the argument over time (tltlrl.logic.shortcut) |
+    | until, then | window or None, truncated | the definition; `truncated`: the left operand is temporal |
+    """
+
+    name: str
+    args: tuple[int, ...] = ()
+    data: tuple[object, ...] = ()
+
+
+@dataclass(slots=True)
+class Graph:
+    """Operations in an order in which arguments come first; an equal operation is never stored twice."""
+
+    ops: list[Op] = field(default_factory=list)
+    pointwise: list[bool] = field(default_factory=list)
+    _number: dict[Op, int] = field(default_factory=dict)
+
+    def add(self, name: str, *args: int, data: tuple[object, ...] = ()) -> int:
+        """The number of this operation. Constants are folded; FloatingPointError when that has no finite
+        value."""
+        if name == "negative" and self.ops[args[0]].name == "negative":
+            return self.ops[args[0]].args[0]
+        if name in {"minimum", "maximum"} and len(args) == 1:
+            return args[0]
+        op = Op(name, args, data)
+        if args and name in POINTWISE and all(self.ops[a].name == "constant" for a in args):
+            with np.errstate(divide="raise", over="raise", invalid="raise", under="ignore"):
+                value = float(apply(op, [np.asarray(self.constant(a)) for a in args]))
+            op = Op("constant", data=(value,))
+        if op not in self._number:
+            self._number[op] = len(self.ops)
+            self.ops.append(op)
+            self.pointwise.append(name in POINTWISE and all(self.pointwise[a] for a in args))
+        return self._number[op]
+
+    def constant(self, number: int) -> float:
+        """The value of a constant node."""
+        (value,) = self.ops[number].data
+        assert isinstance(value, float)
+        return value
+
+    def below(self, roots: Iterable[int], without: Container[int] = ()) -> list[int]:
+        """Every node the roots depend on, themselves included, arguments first; not through `without`."""
+        seen: set[int] = set()
+        stack = list(roots)
+        while stack:
+            node = stack.pop()
+            if node not in seen and node not in without:
+                seen.add(node)
+                stack.extend(self.ops[node].args)
+        return sorted(seen)
+
+    def horizon(self, root: int) -> int | None:
+        """How many steps beyond t the value at t can depend on; None when on all that follow."""
+        reach: dict[int, float] = {}
+        for node in self.below([root]):
+            op = self.ops[node]
+            deepest = max((reach[a] for a in op.args), default=0.0)
+            match op.name, op.data:
+                case "next", (int(steps), _):
+                    deepest += steps
+                case (("always" | "eventually"), (None,)):
+                    deepest = math.inf
+                case (("until" | "then"), (None, _)):
+                    deepest = math.inf
+                case (("always" | "eventually"), ((_, int(upper)),)):
+                    deepest += upper
+                case (("until" | "then"), ((_, int(upper)), _)):
+                    deepest += upper
+            reach[node] = deepest
+        return None if reach[root] == math.inf else int(reach[root])
+
+
+def apply(op: Op, args: list[Array], out: Array | None = None, scratch: Array | None = None) -> Array:
+    """A pointwise operation on its arguments' values, into `out` if given; norm and squares also write to `scratch`."""
+    value: Array
+    if op.name in {"norm", "squares"}:
+        value = np.multiply(args[0], args[0], out=out)
+        for arg in args[1:]:
+            value = np.add(value, np.multiply(arg, arg, out=scratch), out=out)
+        return np.sqrt(value, out=out) if op.name == "norm" else value
+    ufunc = UFUNCS[op.name]
+    value = ufunc(*args[:2], out=out)
+    for arg in args[2:]:
+        value = ufunc(value, arg, out=out)
+    return value

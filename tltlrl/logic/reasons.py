@@ -1,0 +1,79 @@
+"""Why trajectories fail: the predicates that decide their robustness, grouped and counted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from tltlrl.logic.explain import Explanation
+from tltlrl.tasks.task import CONTROL_TIMESTEP
+
+
+@dataclass(frozen=True)
+class Reason:
+    """One cause of failure, and how often.
+
+    Attributes:
+      what: the predicate that decides, with the named sub-formula it stands in.
+      count: of the trajectories that it decides.
+      first, last: earliest and latest step at which it does.
+      worst, best: lowest and highest robustness among them.
+    """
+
+    what: str
+    count: int
+    first: int
+    last: int
+    worst: float
+    best: float
+
+    def __str__(self) -> str:
+        when = f"step {self.first}" if self.first == self.last else f"steps {self.first} to {self.last}"
+        seconds = " to ".join(f"{step * CONTROL_TIMESTEP:.2f}" for step in dict.fromkeys((self.first, self.last)))
+        value = " to ".join(dict.fromkeys((f"{self.worst:.3f}", f"{self.best:.3f}")))
+        return f"{self.what}, at {when} ({seconds} s), robustness {value}"
+
+
+def failed(explanations: Iterable[Explanation]) -> list[Reason]:
+    """The reasons of those trajectories whose robustness is not above zero, the most frequent first."""
+    return merge(
+        Reason(describe(why), 1, why.step, why.step, why.value, why.value) for why in explanations if not why.satisfied
+    )
+
+
+def describe(why: Explanation) -> str:
+    """The deciding predicate as code, such as "`!(ee.z < table_height)` in table": it should not hold there."""
+    if why.predicate is None:
+        return "the end of the trajectory"
+    atom = f"!({why.predicate})" if why.negated else why.predicate
+    return f"`{atom}`" + (f" in {why.name}" if why.name else "")
+
+
+def merge(reasons: Iterable[Reason]) -> list[Reason]:
+    """Reasons of the same text as one, the most frequent first; of equally frequent ones the earlier one."""
+    groups: dict[str, list[Reason]] = {}
+    for reason in reasons:
+        groups.setdefault(reason.what, []).append(reason)
+    merged = [
+        Reason(
+            what,
+            sum(r.count for r in group),
+            min(r.first for r in group),
+            max(r.last for r in group),
+            min(r.worst for r in group),
+            max(r.best for r in group),
+        )
+        for what, group in groups.items()
+    ]
+    return sorted(merged, key=lambda reason: -reason.count)
+
+
+def to_json(reasons: Sequence[Reason]) -> list[dict[str, Any]]:
+    """For done.json."""
+    return [asdict(reason) for reason in reasons]
+
+
+def from_json(saved: Sequence[Mapping[str, Any]]) -> list[Reason]:
+    """From done.json."""
+    return [Reason(**reason) for reason in saved]

@@ -1,0 +1,574 @@
+"""Syntax tree to meaning: names, dimensions, constants and families are settled here, and every mistake
+told."""
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from graphlib import CycleError, TopologicalSorter
+from typing import Any
+
+from tltlrl.logic import syntax
+from tltlrl.logic.declarations import FUNCTIONS, Declarations, Value, check_binding, declare
+from tltlrl.logic.errors import Source, Span, SpecError, did_you_mean, elsewhere
+from tltlrl.logic.graph import Graph
+from tltlrl.logic.shortcut import at_start
+from tltlrl.logic.syntax import Node
+
+_ONE_SCALAR = {"abs": "absolute", "sqrt": "sqrt", "exp": "exp", "sin": "sin", "cos": "cos"}
+_ARITHMETIC = {"+": "add", "-": "subtract", "*": "multiply", "/": "divide", "**": "power"}
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A number (dimension None) or a vector, as one graph node per component."""
+
+    components: tuple[int, ...]
+    dimension: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Predicate:
+    """An atomic formula, or an expression that can fail: its text and its place."""
+
+    text: str
+    span: Span
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Truth:
+    """A formula as it was written: an operation (see tltlrl.logic.graph.Op) on formulas, or a predicate.
+
+    Equal formulas share one graph node, but each is a Truth of its own, that knows its name and place.
+    """
+
+    node: int
+    operation: str = ""
+    parts: tuple["Truth", ...] = ()
+    data: tuple[object, ...] = ()
+    predicate: Predicate | None = None
+    name: str | None = None  # of the named sub-formula that it is
+
+
+@dataclass(frozen=True, slots=True)
+class Region:
+    """A ball or box of constant size and place that a formula speaks of, for pictures of the workspace.
+
+    `name` is the named sub-formula that holds it (None in the spec's own line), `signal` the vector signal
+    it is about (None when it is about an expression), `inside` whether the predicate holds inside (outside in
+    distance(...) > radius). A ball has `centre` and `radius`, a box `lower` and `upper`.
+    """
+
+    name: str | None
+    kind: str
+    signal: str | None
+    inside: bool
+    centre: tuple[float, ...] | None = None
+    radius: float | None = None
+    lower: tuple[float, ...] | None = None
+    upper: tuple[float, ...] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """All that evaluation needs. Numbers are nodes of `graph`; times are steps."""
+
+    document: syntax.Document  # with the effective constants
+    graph: Graph
+    formula: Truth
+    root: int  # its node
+    start: int  # a node of the same value at the first sample
+    signals: dict[str, int | None]
+    signal_spans: dict[str, Span]
+    constants: dict[str, Value | dict[str, Value]]
+    definitions: dict[str, tuple[Truth, str]]  # named sub-formulas in order, with their text
+    places: dict[int, Predicate]  # of arithmetic nodes that can fail
+    regions: tuple[Region, ...]
+
+
+def resolve(source: Source, document: syntax.Document, overrides: Mapping[str, object] | None) -> Meaning:
+    """Settle every name. Raises SpecError."""
+    return _Resolver(source, declare(source, document, overrides)).meaning()
+
+
+class _Resolver:
+    """One pass over one document; its attributes are the tables that the pass fills."""
+
+    def __init__(self, source: Source, declared: Declarations) -> None:
+        self.source = source
+        self.declared = declared
+        self.graph = Graph()
+        self.results: dict[tuple[str, str | None], Quantity | Truth] = {}
+        self.places: dict[int, Predicate] = {}
+        self.regions: list[Region] = []
+        self.distances: dict[int, tuple[Node, tuple[float, ...]]] = {}  # of a point from a fixed one
+        self.within: str | None = None  # the named sub-formula being read
+
+    def error(self, node: Node | Span, problem: str) -> SpecError:
+        return SpecError(self.source, node if isinstance(node, Span) else node.span, problem)
+
+    # The pass
+
+    def meaning(self) -> Meaning:
+        definitions = {d.name: d for d in self.declared.document.declarations if isinstance(d, syntax.Definition)}
+        for name in self.declared.signals:
+            self.results[name, None] = self._signal(name)
+        for name, constant in self.declared.constants.items():
+            for label, value in constant.items() if isinstance(constant, dict) else [(None, constant)]:
+                self.results[name, label] = self._number(value)
+        ordered, used = self._order(definitions)
+        for name in ordered:
+            if name in used:
+                self._define(definitions[name])
+        formula = self.truth(self.declared.document.formula, {})
+        for name in ordered:
+            if name not in used:  # last, for equal expressions have the place where the first one stands
+                self._define(definitions[name])
+        order = [
+            (title, label, result, d)
+            for name, d in definitions.items()
+            for label in d.labels or (None,)
+            if isinstance(result := self.results[name, label], Truth)
+            for title in [_title(name, label)]
+        ]
+        titles: list[str | None] = [title for title, *_ in order] + [None]
+        return Meaning(
+            self.declared.document,
+            self.graph,
+            formula,
+            formula.node,
+            at_start(self.graph, formula.node),
+            self.declared.signals,
+            self.declared.signal_spans,
+            self.declared.constants,
+            {title: (truth, _with_labels(d.body, {d.variable: label})) for title, label, truth, d in order},
+            self.places,
+            tuple(dict.fromkeys(r for title in titles for r in self.regions if r.name == title)),
+        )
+
+    def _order(self, definitions: dict[str, syntax.Definition]) -> tuple[list[str], set[str]]:
+        """The definitions, each after those it uses, and which of them the spec's formula uses."""
+
+        def named(tree: Node) -> set[str]:
+            names = {node.name for node, _ in syntax.walk(tree) if isinstance(node, syntax.Name)}
+            return names & definitions.keys()
+
+        uses = {name: named(d.body) for name, d in definitions.items()}
+        try:
+            ordered = list(TopologicalSorter(uses).static_order())
+        except CycleError as cycle:
+            names: list[str] = cycle.args[1][::-1]
+            first = next(n for n in definitions if n in names)
+            names = names[:-1]
+            names = names[names.index(first) :] + names[: names.index(first)] + [first]
+            circle = " -> ".join(f"'{name}'" for name in names)
+            raise self.error(
+                definitions[first],
+                f"cyclic definition: {circle}; expected each to use others only; break the circle",
+            ) from None
+        used = named(self.declared.document.formula)
+        for name in reversed(ordered):
+            if name in used:
+                used |= uses[name]
+        return ordered, used
+
+    def _define(self, d: syntax.Definition) -> None:
+        for label in d.labels or (None,):
+            scope = {d.variable: label} if d.variable and label else {}
+            if d.keyword == "let":
+                self.results[d.name, label] = self.quantity(d.body, scope)
+                continue
+            self.within = _title(d.name, label)
+            truth = self.truth(d.body, scope)
+            self.results[d.name, label] = truth if truth.name else replace(truth, name=self.within)
+            self.within = None
+
+    def _signal(self, name: str) -> Quantity:
+        dimension = self.declared.signals[name]
+        parts = [None] if dimension is None else range(dimension)
+        return Quantity(tuple(self.graph.add("signal", data=(name, part)) for part in parts), dimension)
+
+    def _number(self, value: Value) -> Quantity:
+        if isinstance(value, tuple):
+            return Quantity(tuple(self.graph.add("constant", data=(v,)) for v in value), len(value))
+        return Quantity((self.graph.add("constant", data=(value,)),))
+
+    # Names
+
+    def _name(self, node: syntax.Name, scope: Mapping[str, str]) -> Quantity | Truth:
+        if node.name in self.declared.families:
+            labels = self.declared.families[node.name]
+            raise self.error(
+                node,
+                f"'{node.name}' is a family; expected one of its members; write {node.name}[{labels[0]}]",
+            )
+        result = self.results.get((node.name, None))
+        if result is not None:
+            return result
+        if node.name in scope:
+            raise self.error(
+                node,
+                f"'{node.name}' is a label; expected a number; a label can only stand in brackets, as "
+                f"in goal[{node.name}]",
+            )
+        if node.name in FUNCTIONS:
+            raise self.error(node, f"'{node.name}' is a function; expected its arguments; write {node.name}(...)")
+        near = did_you_mean(node.name, [*self.declared.names, *FUNCTIONS])
+        declare = near if near.startswith("did") else f"declare it, for instance with 'signal {node.name}'"
+        advice = elsewhere(node.name) or declare
+        raise self.error(node, f"unknown name '{node.name}'; expected a declared one; {advice}")
+
+    def _index(self, node: syntax.Index, scope: Mapping[str, str]) -> Quantity | Truth:
+        base, label = node.base, scope.get(node.label, node.label)
+        if isinstance(base, syntax.Name) and base.name in self.declared.families:
+            labels = self.declared.families[base.name]
+            if label not in labels:
+                raise self.error(
+                    node,
+                    f"'{base.name}' has no member '{label}'; expected one of {', '.join(labels)}; "
+                    f"{did_you_mean(label, labels)}",
+                )
+            return self.results[base.name, label]
+        vector = self.vector(base, scope, f"only a vector or a family has a member [{label}]")
+        components = {str(i): component for i, component in enumerate(vector.components)}
+        if label not in components:
+            raise self.error(
+                node,
+                f"'{base}' has no component [{label}]; expected 0 to {len(components) - 1}; correct the index",
+            )
+        return Quantity((components[label],))
+
+    def _component(self, node: syntax.Component, scope: Mapping[str, str]) -> Quantity:
+        advice = f"only a vector has a component .{node.axis}"
+        vector = self.vector(node.base, scope, advice)
+        axes = "xyz"[: len(vector.components)]
+        if node.axis not in tuple(axes):
+            raise self.error(
+                node,
+                f"'{node.base}' has no component .{node.axis}; expected one of "
+                f"{', '.join(f'.{a}' for a in axes)}; correct it or write an index, as in [0]",
+            )
+        return Quantity((vector.components[axes.index(node.axis)],))
+
+    # Numbers
+
+    def evaluate(self, node: Node, scope: Mapping[str, str]) -> Quantity | Truth:
+        """The meaning of a tree that may be a number or a formula."""
+        match node:
+            case syntax.Name():
+                return self._name(node, scope)
+            case syntax.Index():
+                return self._index(node, scope)
+            case syntax.Component():
+                return self._component(node, scope)
+            case syntax.Number(value):
+                if not math.isfinite(value):
+                    raise self.error(node, "this number is too large for a float; expected a finite one; write one")
+                return self._number(value)
+            case syntax.Vector(items):
+                return Quantity(tuple(self.scalar(item, scope) for item in items), len(items))
+            case syntax.Negative(a):
+                q = self.quantity(a, scope)
+                return Quantity(tuple(self.graph.add("negative", c) for c in q.components), q.dimension)
+            case syntax.Arithmetic():
+                return self._arithmetic(node, scope)
+            case syntax.Call():
+                return self._call(node, scope)
+            case _:
+                return self._formula(node, scope)
+
+    def quantity(self, node: Node, scope: Mapping[str, str]) -> Quantity:
+        result = self.evaluate(node, scope)
+        if isinstance(result, Truth):
+            raise self.error(node, "found a formula; expected a number; only numbers are compared and computed with")
+        return result
+
+    def scalar(self, node: Node, scope: Mapping[str, str]) -> int:
+        result = self.quantity(node, scope)
+        if result.dimension is not None:
+            raise self.error(
+                node,
+                f"found a vector of {result.dimension}; expected a scalar; take a component (.x, [0]), "
+                "norm(...) or distance(..., ...)",
+            )
+        return result.components[0]
+
+    def vector(self, node: Node, scope: Mapping[str, str], reason: str) -> Quantity:
+        result = self.quantity(node, scope)
+        if result.dimension is None:
+            advice = (
+                f"declare '{node}' as a vector: signal {node}[2]"
+                if self.declared.is_bare
+                else "use a vector or leave it out"
+            )
+            raise self.error(node, f"found a scalar; expected a vector: {reason}; {advice}")
+        return result
+
+    def same(self, nodes: tuple[Node, ...], scope: Mapping[str, str], what: str) -> list[Quantity]:
+        """The values of several trees that must agree in dimension."""
+        values = [self.quantity(node, scope) for node in nodes]
+        for node, value in zip(nodes[1:], values[1:], strict=True):
+            if value.dimension != values[0].dimension:
+                raise self.error(
+                    node,
+                    f"found {_shape(value)}; expected {_shape(values[0])}, as '{nodes[0]}' is; {what}",
+                )
+        return values
+
+    def fold(self, node: Node, name: str, *args: int) -> int:
+        """Add an arithmetic operation that may fail, remembering its place."""
+        try:
+            number = self.graph.add(name, *args)
+        except FloatingPointError:
+            raise self.error(node, f"'{node}' is a constant without a finite value; correct its numbers") from None
+        self.places.setdefault(number, Predicate(str(node), node.span))
+        return number
+
+    def _arithmetic(self, node: syntax.Arithmetic, scope: Mapping[str, str]) -> Quantity:
+        name = _ARITHMETIC[node.operator]
+        if node.operator in "+-":
+            left, right = self.same((node.left, node.right), scope, "add and subtract like to like")
+        else:
+            left = self.quantity(node.left, scope)
+            right = self.quantity(node.right, scope)
+            if right.dimension is not None and (left.dimension is not None or node.operator != "*"):
+                raise self.error(
+                    node.right,
+                    f"found {_shape(right)}; expected a scalar after {node.operator}; "
+                    "work on components (.x, [0]) or use norm(...)",
+                )
+            if left.dimension is not None and node.operator == "**":
+                raise self.error(node.left, f"found {_shape(left)}; expected a scalar before **; use norm(...)")
+        divisor = self.graph.ops[right.components[0]]
+        if node.operator == "/" and divisor.name == "constant" and divisor.data == (0.0,):
+            raise self.error(node.right, f"'{node.right}' is zero; expected a divisor other than zero; correct it")
+        dimension = left.dimension if left.dimension is not None else right.dimension
+        lefts = left.components * (dimension or 1) if left.dimension is None else left.components
+        rights = right.components * (dimension or 1) if right.dimension is None else right.components
+        return Quantity(tuple(self.fold(node, name, a, b) for a, b in zip(lefts, rights, strict=True)), dimension)
+
+    def _call(self, node: syntax.Call, scope: Mapping[str, str]) -> Quantity | Truth:
+        name, arguments = node.function, node.arguments
+        if name not in FUNCTIONS:
+            what = "is no function" if name in self.declared.names else "unknown function"
+            near = did_you_mean(name, FUNCTIONS)
+            advice = elsewhere(name) or (near if near.startswith("did") else "write it with these")
+            raise self.error(node, f"{what}: '{name}'; expected one of {', '.join(FUNCTIONS)}; {advice}")
+        fewest, most = FUNCTIONS[name]
+        if not fewest <= len(arguments) <= most:
+            plural = "s" * (fewest > 1)
+            raise self.error(
+                node,
+                f"'{name}' got {len(arguments)} argument{'s' * (len(arguments) != 1)}; "
+                f"expected {fewest} argument{plural}; add or delete some",
+            )
+        match name:
+            case "ball" | "box":
+                return self._region(node, scope)
+            case "norm":
+                vector = self.vector(arguments[0], scope, "a norm is taken of a vector, of a scalar use abs(...)")
+                return Quantity((self.fold(node, "norm", *vector.components),))
+            case "distance":
+                return Quantity((self._distance(node, scope, arguments),))
+            case "min" | "max":
+                op = name + "imum"
+                if len(arguments) > 1:
+                    return Quantity((self.fold(node, op, *(self.scalar(a, scope) for a in arguments)),))
+                vector = self.vector(arguments[0], scope, f"{name} takes several scalars or one vector")
+                return Quantity((self.fold(node, op, *vector.components),))
+            case _:
+                return Quantity((self.fold(node, _ONE_SCALAR[name], self.scalar(arguments[0], scope)),))
+
+    def _distance(self, node: Node, scope: Mapping[str, str], points: tuple[Node, ...]) -> int:
+        a, b = self.same(points, scope, "a distance is between points of one space")
+        differences = [self.fold(node, "subtract", p, q) for p, q in zip(a.components, b.components, strict=True)]
+        number = self.fold(node, "absolute" if a.dimension is None else "norm", *differences)
+        for point, centre_node, centre in ((points[0], points[1], b), (points[1], points[0], a)):
+            if a.dimension is not None and self._is_fixed(centre):
+                self.distances[number] = point, self._fixed(centre_node, centre)
+        return number
+
+    # Regions
+
+    def _is_fixed(self, value: Quantity) -> bool:
+        return all(self.graph.ops[c].name == "constant" for c in value.components)
+
+    def _fixed(self, node: Node, value: Quantity, what: str = "region") -> tuple[float, ...]:
+        """The numbers of a quantity that holds no signal."""
+        if not self._is_fixed(value):
+            raise self.error(
+                node,
+                f"found a signal; expected constants, a {what} is the same at all times; "
+                + ("for a moving one use distance(...)" if what == "region" else "write numbers or constants"),
+            )
+        return tuple(self.graph.constant(c) for c in value.components)
+
+    def _region(self, node: syntax.Call, scope: Mapping[str, str]) -> Truth:
+        point, *rest = node.arguments
+        if node.function == "ball":
+            centre_node, radius_node = rest
+            values = self.same((point, centre_node), scope, "a ball and its points lie in one space")
+            centre = self._fixed(centre_node, values[1])
+            radius = Quantity((self.scalar(radius_node, scope),))
+            (size,) = self._fixed(radius_node, radius)
+            if size <= 0:
+                raise self.error(radius_node, f"the radius is {size:g}; expected a positive number; correct it")
+            far = self._distance(node, scope, (point, centre_node))
+            if values[0].dimension is not None:
+                self._remember(point, "ball", True, centre=centre, radius=size)
+            return self._predicate(node, self.fold(node, "subtract", radius.components[0], far), scope)
+        x, low, high = self.same((point, *rest), scope, "a box and its points lie in one space")
+        lower, upper = self._fixed(rest[0], low), self._fixed(rest[1], high)
+        for a, b in zip(lower, upper, strict=True):
+            if not a < b:
+                raise self.error(
+                    rest[0],
+                    f"the box is empty: a lower bound is {a:g}, its upper {b:g}; "
+                    "expected lower < upper in every component; swap or correct them",
+                )
+        faces = [
+            self.fold(node, "subtract", *pair)
+            for c, a, b in zip(x.components, low.components, high.components, strict=True)
+            for pair in ((c, a), (b, c))
+        ]
+        if x.dimension is not None:
+            self._remember(point, "box", True, lower=lower, upper=upper)
+        return self._predicate(node, self.fold(node, "minimum", *faces), scope)
+
+    def _remember(self, point: Node, kind: str, inside: bool, **shape: Any) -> None:
+        signal = point.name if isinstance(point, syntax.Name) and point.name in self.declared.signals else None
+        self.regions.append(Region(self.within, kind, signal, inside, **shape))
+
+    # Formulas
+
+    def truth(self, node: Node, scope: Mapping[str, str]) -> Truth:
+        result = self.evaluate(node, scope)
+        if isinstance(result, Quantity):
+            raise self.error(node, f"found {_shape(result)}; expected a formula; compare it, as in {node} < 1")
+        return result
+
+    def _predicate(self, node: Node, number: int, scope: Mapping[str, str]) -> Truth:
+        if self.graph.ops[number].name == "constant":
+            raise self.error(node, f"'{node}' holds no signal, its value never changes; expected a signal; correct it")
+        return Truth(number, predicate=Predicate(_with_labels(node, scope), node.span))
+
+    def _comparison(self, node: syntax.Comparison, scope: Mapping[str, str]) -> Truth:
+        values = [self.scalar(operand, scope) for operand in node.operands]
+        links = []
+        for i, operator in enumerate(node.operators):
+            small, large = (i, i + 1) if operator[0] == "<" else (i + 1, i)
+            link = syntax.Comparison(
+                node.operands[i : i + 2],
+                (operator,),
+                span=node.operands[i].span.to(node.operands[i + 1].span),
+            )
+            links.append(self._predicate(link, self.fold(link, "subtract", values[large], values[small]), scope))
+            for near, far in ((small, large), (large, small)):
+                if values[near] in self.distances and self.graph.ops[values[far]].name == "constant":
+                    point, centre = self.distances[values[near]]
+                    radius = self.graph.constant(values[far])
+                    if radius > 0:
+                        self._remember(point, "ball", near == small, centre=centre, radius=radius)
+        return links[0] if len(links) == 1 else self._operation("minimum", *links)
+
+    def _operation(self, name: str, *parts: Truth, data: tuple[object, ...] = ()) -> Truth:
+        return Truth(self.graph.add(name, *(part.node for part in parts), data=data), name, parts, data)
+
+    def _formula(self, node: Node, scope: Mapping[str, str]) -> Truth:
+        def of(child: Node) -> Truth:
+            return self.truth(child, scope)
+
+        op = self._operation
+        match node:
+            case syntax.Comparison():
+                return self._comparison(node, scope)
+            case syntax.Not(p):
+                return op("negative", of(p))
+            case syntax.And(operands):
+                return op("minimum", *map(of, operands))
+            case syntax.Or(operands):
+                return op("maximum", *map(of, operands))
+            case syntax.Implies(p, q):
+                return op("maximum", op("negative", of(p)), of(q))
+            case syntax.Iff(p, q):
+                a, b = of(p), of(q)
+                return op("minimum", op("maximum", op("negative", a), b), op("maximum", op("negative", b), a))
+            case syntax.Next(p, strong):
+                return op("next", of(p), data=(1, strong))
+            case syntax.Always(p, interval):
+                return op("always", of(p), data=(self._window(interval, scope),))
+            case syntax.Eventually(p, interval):
+                return op("eventually", of(p), data=(self._window(interval, scope),))
+            case syntax.Until(p, q, interval):
+                return self._until(of(p), of(q), self._window(interval, scope))
+            case syntax.Release(p, q, interval):
+                not_p, not_q = op("negative", of(p)), op("negative", of(q))
+                return op("negative", self._until(not_p, not_q, self._window(interval, scope)))
+            case syntax.WeakUntil(p, q):
+                a, b = of(p), of(q)
+                return op("maximum", self._until(a, b, None), op("always", a, data=(None,)))
+            case syntax.Then(p, q):
+                a, b = of(p), of(q)
+                return op("then", a, b, data=(None, not self.graph.pointwise[a.node]))
+            case syntax.ForEach(quantifier, variable, labels, body):
+                check_binding(self.source, node.span, variable, labels, self.declared.names)
+                if variable in scope:
+                    raise self.error(
+                        node,
+                        f"the variable '{variable}' is already bound around this; expected a new name; choose another",
+                    )
+                bodies = [self.truth(body, {**scope, variable: label}) for label in labels]
+                return op("minimum" if quantifier == "all" else "maximum", *bodies)
+            case _:
+                raise TypeError(f"no meaning for {type(node).__name__}")
+
+    def _until(self, p: Truth, q: Truth, window: tuple[int, int] | None) -> Truth:
+        """U, with a window split off where p holds no temporal operator.
+
+        p U[a,b] q = F[a,b] q & G[0,a-1] p & X[!]^a (p U q), in value too: a witness of the last part beyond
+        b can be replaced by the one of the first. The left operand must not depend on the witness for this.
+        """
+        op = self._operation
+        truncated = not self.graph.pointwise[p.node]
+        if window is None or truncated:
+            return op("until", p, q, data=(window, truncated))
+        until = op("until", p, q, data=(None, False))
+        parts = [op("eventually", q, data=(window,))]
+        if window[0] > 0:
+            parts.append(op("always", p, data=((0, window[0] - 1),)))
+            until = op("next", until, data=(window[0], True))
+        return op("minimum", *parts, until)
+
+    def _window(self, interval: syntax.Interval | None, scope: Mapping[str, str]) -> tuple[int, int] | None:
+        if interval is None:
+            return None
+        lower, upper = self._bound(interval.lower, scope), self._bound(interval.upper, scope)
+        if lower > upper:
+            raise self.error(
+                interval,
+                f"the interval is reversed: {lower} is greater than {upper}; expected [small, large]; swap them",
+            )
+        return lower, upper
+
+    def _bound(self, node: Node, scope: Mapping[str, str]) -> int:
+        (value,) = self._fixed(node, Quantity((self.scalar(node, scope),)), "bound")
+        if value < 0 or not value.is_integer():
+            raise self.error(
+                node,
+                f"the bound is {value:g}; expected a whole number of steps from 0 on; time is counted in samples",
+            )
+        return int(value)
+
+
+def _with_labels(node: Node, scope: Mapping[str | None, str | None] | Mapping[str, str]) -> str:
+    """The text of a tree with the variables of families and quantifiers replaced by their labels."""
+    labels: Mapping[Any, Any] = scope
+    return re.sub(r"\[(\w+)\]", lambda m: f"[{labels.get(m[1], m[1])}]", str(node))
+
+
+def _title(name: str, label: str | None) -> str:
+    return name if label is None else f"{name}[{label}]"
+
+
+def _shape(value: Quantity) -> str:
+    return "a scalar" if value.dimension is None else f"a vector of {value.dimension}"

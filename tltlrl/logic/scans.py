@@ -1,0 +1,104 @@
+"""Running and sliding extremes of (trajectories, steps) arrays, and the scans behind U and T.
+
+`fold` is np.minimum or np.maximum throughout. All functions take time linear in the array's size, whatever
+the width of a window.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from tltlrl.logic.graph import Array
+
+Fold = Any  # a np.ufunc, whose methods NumPy does not type
+# Below this window, doubling (one fast pass per power of two) beats van Herk's two slow ones.
+_NARROW = 4096
+
+
+def padded(x: Array, steps: int, filler: float) -> Array:
+    """`x`, lengthened to `steps` columns."""
+    if x.shape[1] == steps:
+        return x
+    out: Array = np.empty((len(x), steps))
+    out[:, : x.shape[1]] = x
+    out[:, x.shape[1] :] = filler
+    return out
+
+
+def reduced(fold: Fold, x: Array) -> Array:
+    """The fold over all columns, as one column."""
+    column: Array = fold.reduce(x, axis=1, keepdims=True)
+    return column
+
+
+def second_smallest(x: Array) -> Array:
+    """The second smallest number of each row, as one column; inf where there is only one."""
+    rest = np.array(x)
+    rest[np.arange(len(x)), x.argmin(axis=1)] = np.inf
+    return reduced(np.minimum, rest)
+
+
+def suffixes(fold: Fold, x: Array, out: Array | None = None) -> Array:
+    """Column t of the result is the fold over columns t, t+1, ... of x."""
+    out = np.empty_like(x) if out is None else out
+    fold.accumulate(x[:, ::-1], axis=1, out=out[:, ::-1])
+    return out
+
+
+def _beside(fold: Fold, x: Array, other: Array, span: int) -> Array:
+    """Column t of the result is fold(x_t, other_{t+span}); x_t in the last `span` columns, which have no
+    partner.
+
+    On the flattened arrays, where the ends of rows meet their neighbours and are repaired: many times
+    faster than on slices of rows.
+    """
+    out = np.empty_like(x)
+    fold(x.reshape(-1)[:-span], other.reshape(-1)[span:], out=out.reshape(-1)[:-span])
+    out[:, -span:] = x[:, -span:]
+    return out
+
+
+def windows(fold: Fold, x: Array, size: int) -> Array:
+    """Column t of the result is the fold over columns t .. t + size - 1 of x; size - 1 columns fewer."""
+    width = x.shape[1] - size + 1
+    if width == 1:
+        return reduced(fold, x)
+    x = np.array(x, order="C")
+    if size <= _NARROW:
+        # Two windows of length 2^k, one at each end, cover the whole.
+        span = 1
+        while 2 * span <= size:
+            x = _beside(fold, x, x, span)
+            span *= 2
+        covered = x if size == span else _beside(fold, x, x, size - span)
+        return covered[:, :width]
+    # van Herk, Gil and Werman: cut into blocks of `size`; a window is the tail of one and the head of the
+    # next.
+    count, blocks = len(x), -(-x.shape[1] // size)
+    x = padded(x, blocks * size, 0.0).reshape(count * blocks, size)
+    heads = fold.accumulate(x, axis=1).reshape(count, blocks * size)
+    tails = suffixes(fold, x).reshape(count, blocks * size)
+    joined: Array = fold(tails[:, :width], heads[:, size - 1 : size - 1 + width])
+    return joined
+
+
+def until(p: Array, q: Array) -> Array:
+    """p U q on every suffix, (N, T), from p without its last column and q.
+
+    y_t = max(q_t, min(p_t, y_{t+1})), and w such steps at once are y_t = max(b_t, min(a_t, y_{t+w})). By
+    doubling, a and b are made for a w of about sqrt(T), at most 256; with these the steps are taken w at a
+    time from the end.
+    """
+    steps = q.shape[1]
+    a, y, w = padded(p, steps, -np.inf), np.array(q), 1
+    while w * w < steps and w < 256:
+        reached = _beside(np.minimum, a, y, w)
+        reached[:, -w:] = -np.inf
+        y = np.maximum(y, reached)
+        a = _beside(np.minimum, a, a, w)
+        w *= 2
+    for stop in range(steps - w, 0, -w):
+        start = max(0, stop - w)
+        now, beyond = y[:, start:stop], y[:, start + w : stop + w]
+        np.maximum(now, np.minimum(a[:, start:stop], beyond), out=now)
+    return y

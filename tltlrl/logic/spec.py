@@ -1,0 +1,356 @@
+"""`Spec`: a formula with its signals and constants, ready to be evaluated on batches of trajectories."""
+
+from collections.abc import Iterator, Mapping
+from functools import lru_cache
+from numbers import Real
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tltlrl.logic.declarations import Value
+from tltlrl.logic.errors import Source, Span, SpecError, TraceError, did_you_mean
+from tltlrl.logic.explain import Explanation, explain
+from tltlrl.logic.graph import Array
+from tltlrl.logic.parser import parse
+from tltlrl.logic.resolve import Meaning, Region, resolve
+from tltlrl.logic.semantics import Plan, Signals, plan
+
+# Values of one block of trajectories: small enough that the arrays of a formula stay in a core's cache.
+BLOCK = 32_768
+
+
+def parse_spec(text: str, constants: Mapping[str, object] | None = None, name: str = "<spec>") -> "Spec":
+    """Read a spec from text; `constants` override the text's own, `name` stands for it in messages.
+
+    Raises SpecError.
+    """
+    return Spec(text, constants, name)
+
+
+def load_spec(path: str | Path, constants: Mapping[str, object] | None = None) -> "Spec":
+    """Read a spec from a UTF-8 file; `constants` override the file's own.
+
+    Raises SpecError, and OSError when there is no such file.
+    """
+    data = Path(path).read_bytes()
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as mistake:
+        line = data.count(b"\n", 0, mistake.start) + 1
+        raise SpecError(
+            Source(str(path), data.decode("utf-8", errors="replace")),
+            Span(line, 1, line, 2),
+            "the file is not UTF-8 text; expected a spec; save it as UTF-8",
+        ) from None
+    return Spec(text, constants, str(path), path=Path(path))
+
+
+class Spec:
+    """A TLTL formula over named signals. Immutable; equal when formula, declarations and constants are.
+
+    Signals are passed as a mapping from name to an array of N trajectories with T samples: (N, T) for a
+    scalar signal, (N, T, d) for a vector of dimension d. `lengths`, (N,) whole numbers from 1 to T, says
+    how many leading samples of each trajectory count; what follows them is never looked at. Other entries
+    of the mapping are ignored.
+
+    Every evaluation raises TraceError for a signal that is missing, misshapen, not finite, or empty, and
+    where an expression of the spec has no finite value (division by zero, root of a negative number,
+    overflow).
+    """
+
+    def __init__(self, text: str, constants: Mapping[str, object] | None, name: str, path: Path | None = None) -> None:
+        if not isinstance(text, str):
+            raise TypeError(f"a spec's text is a str, not {type(text).__name__}; load_spec reads one from a file")
+        self.text, self.path = text, path
+        self._source = Source(name, text)
+        self._meaning: Meaning = resolve(self._source, parse(self._source), constants)
+        self._plan = lru_cache(maxsize=16)(self._make_plan)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return Spec, (self.text, self._meaning.constants, self._source.name, self.path)
+
+    def __str__(self) -> str:
+        """The spec with its effective constants; parses back to an equal spec."""
+        return str(self._meaning.document)
+
+    def __repr__(self) -> str:
+        return f"<Spec {self._source.name}: {self.formula}>"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Spec) and self._meaning.document == other._meaning.document
+
+    def __hash__(self) -> int:
+        return hash(self._meaning.document)
+
+    @property
+    def formula(self) -> str:
+        """The formula, as read, without the declarations."""
+        return str(self._meaning.document.formula)
+
+    @property
+    def signals(self) -> Mapping[str, int | None]:
+        """The signals it needs: dimension of a vector, None for a scalar."""
+        return MappingProxyType(self._meaning.signals)
+
+    @property
+    def constants(self) -> Mapping[str, Value | dict[str, Value]]:
+        """Effective constants: float, tuple of floats for a vector, dict from label to these for a family."""
+        return MappingProxyType(self._meaning.constants)
+
+    @property
+    def definitions(self) -> Mapping[str, str]:
+        """Named sub-formulas in the order of the text, members of a family one by one: name to formula."""
+        return MappingProxyType({name: text for name, (_, text) in self._meaning.definitions.items()})
+
+    @property
+    def regions(self) -> tuple[Region, ...]:
+        """The balls and boxes of constant place and size that it speaks of."""
+        return self._meaning.regions
+
+    @property
+    def horizon(self) -> int | None:
+        """How many steps beyond the first sample the value can depend on; None when on the whole
+        trajectory."""
+        return self._meaning.graph.horizon(self._meaning.root)
+
+    def robustness(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> Array:
+        """The robustness of each whole trajectory, (N,): > 0 satisfied, < 0 violated. In the predicates'
+        own unit."""
+        batch = _Batch(self._meaning, self._source, signals, lengths)
+        out = np.empty(batch.count)
+        root, start = self._meaning.root, self._meaning.start
+        if batch.offset is None:
+            for rows, block in batch.blocks():
+                out[rows] = self._run(batch, rows, block, (start,), True)[start][:, 0]
+        else:
+            for rows, block in batch.blocks():
+                values = self._run(batch, rows, block, (root,), False)[root]
+                offset = batch.offset[rows]
+                out[rows] = values[np.arange(len(offset)), offset]
+        return out
+
+    def robustness_over_time(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> Array:
+        """The robustness of each suffix, (N, T): column t is the value on the samples from t on.
+
+        NaN from a trajectory's length on.
+        """
+        batch = _Batch(self._meaning, self._source, signals, lengths)
+        return self._over_time(batch, (self._meaning.root,))[self._meaning.root]
+
+    def definitions_over_time(
+        self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None
+    ) -> dict[str, Array]:
+        """The robustness of each named sub-formula on each suffix: name to (N, T), as
+        `robustness_over_time`."""
+        batch = _Batch(self._meaning, self._source, signals, lengths)
+        nodes = {name: truth.node for name, (truth, _) in self._meaning.definitions.items()}
+        values = self._over_time(batch, tuple(dict.fromkeys(nodes.values())))
+        return {name: values[node] for name, node in nodes.items()}
+
+    def explain(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> tuple[Explanation, ...]:
+        """What decides each trajectory's value: one Explanation each."""
+        batch = _Batch(self._meaning, self._source, signals, lengths)
+        named = (truth.node for truth, _ in self._meaning.definitions.values())
+        self._over_time(batch, tuple({self._meaning.root, *named}))  # finds expressions without a finite value
+        return tuple(explain(self._meaning, self._source.name, batch.single(row)) for row in range(batch.count))
+
+    def _make_plan(self, roots: tuple[int, ...], end: int, first: bool) -> Plan:
+        return plan(self._meaning.graph, dict.fromkeys(roots, (0, 1) if first else (0, end)), end)
+
+    def _run(
+        self, batch: "_Batch", rows: slice, block: Signals, roots: tuple[int, ...], first: bool
+    ) -> dict[int, Array]:
+        try:
+            return self._plan(roots, batch.steps, first).run(block)
+        except FloatingPointError:
+            # A shortcut's operations stand nowhere in the spec: the place is that in the formula as written.
+            written = (self._meaning.root,) if first else roots
+            raise batch.failure(self._plan(written, batch.steps, first), rows, block) from None
+
+    def _over_time(self, batch: "_Batch", roots: tuple[int, ...]) -> dict[int, Array]:
+        out = {root: np.full((batch.count, batch.width), np.nan) for root in roots}
+        for rows, block in batch.blocks():
+            for root, values in self._run(batch, rows, block, roots, False).items():
+                if batch.offset is None:
+                    out[root][rows, : batch.steps] = values
+                else:
+                    for row, whole in enumerate(values, start=rows.start):
+                        own = whole[batch.offset[row] :]
+                        out[root][row, : len(own)] = own
+        return out
+
+
+def _floats(given: ArrayLike) -> Array:
+    """An array of numbers as float64. Raises TypeError, ValueError or OverflowError for anything that is not: texts,
+    dates and complex numbers, which NumPy would turn into floats."""
+    array = np.asarray(given)
+    numbers = array.dtype.kind in "biuf" or (array.dtype.kind == "O" and all(isinstance(v, Real) for v in array.flat))
+    if not numbers:
+        raise TypeError
+    return array.astype(np.float64, copy=False)
+
+
+class _Batch:
+    """Checked signals, cut into blocks.
+
+    Trajectories of different length are aligned at their ends, their first samples repeated in front:
+    operators look only forward, so what stands before a trajectory changes none of its values, and no
+    operator needs a mask.
+    """
+
+    def __init__(
+        self, meaning: Meaning, source: Source, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None
+    ) -> None:
+        self.meaning, self.source = meaning, source
+        if not isinstance(signals, Mapping):
+            raise self.error(
+                next(iter(meaning.signals)),
+                f"the signals are a {type(signals).__name__}; expected a mapping from name to array; "
+                "pass for instance {'x': array}",
+            )
+        self.arrays = {name: self._array(name, signals) for name in meaning.signals}
+        shapes = {name: array.shape[:2] for name, array in self.arrays.items()}
+        self.count, self.width = next(iter(shapes.values()))
+        for name, shape in shapes.items():
+            if shape != (self.count, self.width):
+                first = next(iter(shapes))
+                raise self.error(
+                    name,
+                    f"signal '{name}' holds {shape[0]} trajectories of {shape[1]} samples; expected "
+                    f"{self.count} of {self.width}, as signal '{first}'; record all signals together",
+                )
+            if self.width == 0:
+                raise self.error(
+                    name,
+                    f"signal '{name}' has no samples; expected at least one; leave empty trajectories out",
+                )
+        self.steps = self.width
+        self.offset: np.ndarray[tuple[int], np.dtype[np.intp]] | None = None
+        if lengths is not None:
+            self._set_lengths(lengths)
+        for name, array in self.arrays.items():
+            self._check_finite(name, array)
+
+    def error(self, name: str, problem: str) -> TraceError:
+        return TraceError(self.source, self.meaning.signal_spans[name], problem)
+
+    def _array(self, name: str, signals: Mapping[str, ArrayLike]) -> Array:
+        if name not in signals:
+            raise self.error(
+                name, f"the trajectories have no signal '{name}'; expected one; {did_you_mean(name, signals)}"
+            )
+        dimension = self.meaning.signals[name]
+        expected = "(N, T)" if dimension is None else f"(N, T, {dimension})"
+        given = signals[name]
+        rows = given if isinstance(given, list | tuple) else [given]
+        if any(map(np.ma.is_masked, rows)):  # NumPy would lose the mask
+            raise self.error(
+                name,
+                f"signal '{name}' holds masked numbers; expected numbers alone; cut the recording with lengths or "
+                "fill them",
+            )
+        try:
+            array = _floats(given)
+        except (TypeError, ValueError, OverflowError):
+            raise self.error(
+                name, f"signal '{name}' is no array of numbers; expected shape {expected}; pass floats"
+            ) from None
+        if array.ndim != (2 if dimension is None else 3) or (dimension is not None and array.shape[2] != dimension):
+            raise self.error(
+                name,
+                f"signal '{name}' has shape {array.shape}; expected {expected}: trajectories, samples"
+                f"{'' if dimension is None else ', components'}; reshape it (one trajectory is a batch: "
+                f"x[None])",
+            )
+        return array
+
+    def _set_lengths(self, lengths: ArrayLike) -> None:
+        name = next(iter(self.arrays))
+        expected = f"expected ({self.count},) whole numbers, one per trajectory; correct it"
+        try:
+            given = np.asarray(lengths)
+        except ValueError:
+            raise self.error(name, f"lengths is no array; {expected}") from None
+        if given.shape != (self.count,) or (self.count and not np.issubdtype(given.dtype, np.integer)):
+            raise self.error(name, f"lengths has shape {given.shape} and type {given.dtype}; {expected}")
+        if not self.count:
+            return
+        wrong = np.flatnonzero((given < 1) | (given > self.width))
+        if len(wrong):
+            raise self.error(
+                name,
+                f"the length of trajectory {wrong[0]} is {given[wrong[0]]}; expected 1 to {self.width}; "
+                "leave empty trajectories out",
+            )
+        self.steps = int(given.max())
+        if given.min() < self.steps:
+            self.offset = self.steps - given.astype(np.intp)
+
+    def _check_finite(self, name: str, array: Array) -> None:
+        with np.errstate(over="ignore", invalid="ignore"):
+            if np.isfinite(np.add.reduce(array, axis=None)):  # faster than asking each, and never wrong
+                return
+        finite = np.asarray(np.isfinite(array.reshape(self.count, self.width, -1)).all(axis=2))
+        if self.offset is None:
+            finite[:, self.steps :] = True
+        else:
+            finite |= np.arange(self.width) >= (self.steps - self.offset)[:, None]
+        bad = np.argwhere(~finite)
+        if len(bad):
+            row, step = map(int, bad[0])
+            raise self.error(
+                name,
+                f"signal '{name}' is {array[row, step]} at trajectory {row}, step {step}; expected "
+                f"finite numbers; "
+                "repair the recording or cut it with lengths",
+            )
+
+    def blocks(self) -> Iterator[tuple[slice, dict[tuple[str, int | None], Array]]]:
+        """Slices of trajectories and their signals, one (trajectories, steps) array per component."""
+        size = max(1, BLOCK // self.steps)
+        for start in range(0, self.count, size):
+            rows = slice(start, min(start + size, self.count))
+            yield rows, self._block(rows)
+
+    def _block(self, rows: slice) -> dict[tuple[str, int | None], Array]:
+        parts: dict[tuple[str, int | None], Array] = {}
+        for name, whole in self.arrays.items():
+            array = whole[rows, : self.steps]
+            if self.offset is not None:
+                index = np.maximum(np.arange(self.steps) - self.offset[rows, None], 0)
+                array = np.take_along_axis(array, index if array.ndim == 2 else index[:, :, None], axis=1)
+            if array.ndim == 2:
+                parts[name, None] = array
+            else:
+                parts.update({(name, i): array[:, :, i] for i in range(array.shape[2])})
+        return parts
+
+    def single(self, row: int) -> dict[tuple[str, int | None], Array]:
+        """One trajectory's signals, cut to its length."""
+        steps = self.steps - (0 if self.offset is None else int(self.offset[row]))
+        return {
+            (name, i): array[row : row + 1, :steps] if i is None else array[row : row + 1, :steps, i]
+            for name, array in self.arrays.items()
+            for i in ((None,) if array.ndim == 2 else range(array.shape[2]))
+        }
+
+    def failure(self, ready: Plan, rows: slice, block: Signals) -> TraceError:
+        """Which expression has no finite value, and where."""
+        node, step, row = ready.failure(block)
+        row += rows.start
+        if self.offset is not None:
+            step = max(0, step - int(self.offset[row]))
+        place = self.meaning.places[node]
+        problem = {
+            "divide": "division by zero or overflow",
+            "sqrt": "the square root of a negative number",
+            "power": "a power without a finite value",
+        }.get(ready.graph.ops[node].name, "a number too large for a float")
+        return TraceError(
+            self.source,
+            place.span,
+            f"'{place.text}' has no finite value at trajectory {row}, step {step}: {problem}; "
+            "expected a finite number; guard the expression or repair the recording",
+        )

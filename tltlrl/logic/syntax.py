@@ -1,0 +1,361 @@
+"""The syntax tree of a spec, as it was written, and its text.
+
+`str(tree)` parses back to an equal tree; equality ignores where in the text a node stood. Numbers and
+formulas share one tree because one grammar reads both (`(x` may begin either); `tltlrl.logic.resolve` tells
+them apart.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from tltlrl.logic.errors import NOWHERE, Span
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """Anything with a place in the text."""
+
+    span: Span = field(default=NOWHERE, compare=False, repr=False, kw_only=True)
+
+    def __str__(self) -> str:
+        return text(self)
+
+
+@dataclass(frozen=True, slots=True)
+class Number(Node):
+    """An unsigned number."""
+
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class Vector(Node):
+    """`(a, b, ...)`, at least two scalars."""
+
+    items: tuple[Node, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Name(Node):
+    """A signal, constant or definition."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Index(Node):
+    """`goal[r]`: a member of a family; `ee[0]`: a component of a vector."""
+
+    base: Node
+    label: str
+
+
+@dataclass(frozen=True, slots=True)
+class Component(Node):
+    """`ee.x`, `ee.y`, `ee.z`."""
+
+    base: Node
+    axis: str
+
+
+@dataclass(frozen=True, slots=True)
+class Negative(Node):
+    """`-a`."""
+
+    operand: Node
+
+
+@dataclass(frozen=True, slots=True)
+class Arithmetic(Node):
+    """`a + b`, `a - b`, `a * b`, `a / b`, `a ** b`."""
+
+    operator: str
+    left: Node
+    right: Node
+
+
+@dataclass(frozen=True, slots=True)
+class Call(Node):
+    """`norm(a)`, `distance(a, b)`, `ball(x, centre, radius)`, ..."""
+
+    function: str
+    arguments: tuple[Node, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison(Node):
+    """`a < b`, or a chain `a < x < b`, which is the conjunction of its links."""
+
+    operands: tuple[Node, ...]
+    operators: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Not(Node):
+    """`!p`."""
+
+    operand: Node
+
+
+@dataclass(frozen=True, slots=True)
+class And(Node):
+    """`p & q & ...`."""
+
+    operands: tuple[Node, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Or(Node):
+    """`p | q | ...`."""
+
+    operands: tuple[Node, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Implies(Node):
+    """`p => q`."""
+
+    left: Node
+    right: Node
+
+
+@dataclass(frozen=True, slots=True)
+class Iff(Node):
+    """`p <=> q`."""
+
+    left: Node
+    right: Node
+
+
+@dataclass(frozen=True, slots=True)
+class Next(Node):
+    """`X p`, or `X[!] p` when strong."""
+
+    operand: Node
+    strong: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Interval(Node):
+    """`[a, b]` in steps."""
+
+    lower: Node
+    upper: Node
+
+
+@dataclass(frozen=True, slots=True)
+class Always(Node):
+    """`G p`, `G[a,b] p`."""
+
+    operand: Node
+    interval: Interval | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Eventually(Node):
+    """`F p`, `F[a,b] p`."""
+
+    operand: Node
+    interval: Interval | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Until(Node):
+    """`p U q`, `p U[a,b] q`."""
+
+    left: Node
+    right: Node
+    interval: Interval | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Release(Node):
+    """`p R q`, `p R[a,b] q`: the dual of U."""
+
+    left: Node
+    right: Node
+    interval: Interval | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class WeakUntil(Node):
+    """`p W q`: `(p U q) | G p`."""
+
+    left: Node
+    right: Node
+
+
+@dataclass(frozen=True, slots=True)
+class Then(Node):
+    """`p T q`: first p, later q."""
+
+    left: Node
+    right: Node
+
+
+@dataclass(frozen=True, slots=True)
+class ForEach(Node):
+    """`all i in r, g, b: p` (a conjunction) or `any i in r, g, b: p` (a disjunction)."""
+
+    quantifier: str
+    variable: str
+    labels: tuple[str, ...]
+    body: Node
+
+
+@dataclass(frozen=True, slots=True)
+class Signal(Node):
+    """`signal ee[2]`; a scalar has dimension None."""
+
+    name: str
+    dimension: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Constant(Node):
+    """`const goal = (1, 2)`, or a member of a family: `const goal[r] = (1, 2)`."""
+
+    name: str
+    label: str | None
+    value: float | tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Definition(Node):
+    """`let d = ...` (a number) or `def p: ...` (a formula); with a variable, a family: `def at[i in r,
+    g]: ...`."""
+
+    keyword: str
+    name: str
+    variable: str | None
+    labels: tuple[str, ...]
+    body: Node
+
+
+@dataclass(frozen=True, slots=True)
+class Document(Node):
+    """Declarations in the order written, and the formula that is the spec."""
+
+    declarations: tuple[Signal | Constant | Definition, ...]
+    formula: Node
+
+
+def children(node: Node) -> tuple[Node, ...]:
+    """The nodes directly below."""
+    match node:
+        case Vector(items) | And(items) | Or(items) | Call(_, items) | Comparison(items, _):
+            return items
+        case Index(a, _) | Component(a, _) | Negative(a) | Not(a) | Next(a, _) | ForEach(_, _, _, a):
+            return (a,)
+        case Always(a, interval) | Eventually(a, interval):
+            return (a, *(() if interval is None else (interval,)))
+        case Until(a, b, interval) | Release(a, b, interval):
+            return (a, b, *(() if interval is None else (interval,)))
+        case Arithmetic(_, a, b) | Implies(a, b) | Iff(a, b) | WeakUntil(a, b) | Then(a, b) | Interval(a, b):
+            return (a, b)
+        case _:
+            return ()
+
+
+def walk(tree: Node) -> Iterator[tuple[Node, int]]:
+    """Every node with the number of those around it, parents first. Iterative: a text may nest deeper than Python's
+    stack."""
+    stack = [(tree, 0)]
+    while stack:
+        node, depth = stack.pop()
+        yield node, depth
+        stack.extend((child, depth + 1) for child in reversed(children(node)))
+
+
+# Binding strength, loosest first; an operand that binds looser than its place needs parentheses.
+_FOR_EACH, _IFF, _IMPLIES, _OR, _AND, _UNTIL, _UNARY, _COMPARE, _SUM, _PRODUCT, _SIGN, _POWER, _ATOM = range(13)
+
+
+def number_text(value: float) -> str:
+    """The shortest text that reads back to the same float."""
+    return str(int(value)) if value.is_integer() and abs(value) < 1e15 else repr(value)
+
+
+def value_text(value: float | tuple[float, ...]) -> str:
+    """A constant's value as a spec writes it."""
+    if isinstance(value, tuple):
+        return "(" + ", ".join(map(number_text, value)) + ")"
+    return number_text(value)
+
+
+def text(node: Node) -> str:
+    """Text that parses back to an equal tree, with no parentheses but the needed ones."""
+    return _write(node)[0]
+
+
+def _at(node: Node, strength: int) -> str:
+    written, own = _write(node)
+    return written if own >= strength else f"({written})"
+
+
+def _write(node: Node) -> tuple[str, int]:
+    """The text of a node and how strongly it binds."""
+    match node:
+        case Number(value):
+            return number_text(value), _ATOM
+        case Name(name):
+            return name, _ATOM
+        case Vector(items):
+            return "(" + ", ".join(map(text, items)) + ")", _ATOM
+        case Index(base, label):
+            return f"{_at(base, _ATOM)}[{label}]", _ATOM
+        case Component(base, axis):
+            return f"{_at(base, _ATOM)}.{axis}", _ATOM
+        case Call(function, arguments):
+            return f"{function}(" + ", ".join(map(text, arguments)) + ")", _ATOM
+        case Negative(a):
+            return f"-{_at(a, _SIGN)}", _SIGN
+        case Arithmetic("**", a, b):
+            return f"{_at(a, _ATOM)} ** {_at(b, _SIGN)}", _POWER
+        case Arithmetic(operator, a, b):
+            own = _SUM if operator in "+-" else _PRODUCT
+            return f"{_at(a, own)} {operator} {_at(b, own + 1)}", own
+        case Comparison(operands, operators):
+            first, *rest = (_at(a, _SUM) for a in operands)
+            return first + "".join(f" {o} {a}" for o, a in zip(operators, rest, strict=True)), _COMPARE
+        case Not(a):
+            return f"!{_at(a, _UNARY)}", _UNARY
+        case Next(a, strong):
+            return f"{'X[!]' if strong else 'X'} {_at(a, _UNARY)}", _UNARY
+        case Always(a, interval):
+            return f"G{interval or ''} {_at(a, _UNARY)}", _UNARY
+        case Eventually(a, interval):
+            return f"F{interval or ''} {_at(a, _UNARY)}", _UNARY
+        case Interval(a, b):
+            return f"[{a}, {b}]", _ATOM
+        case Until(a, b, interval):
+            return f"{_at(a, _UNARY)} U{interval or ''} {_at(b, _UNTIL)}", _UNTIL
+        case Release(a, b, interval):
+            return f"{_at(a, _UNARY)} R{interval or ''} {_at(b, _UNTIL)}", _UNTIL
+        case WeakUntil(a, b):
+            return f"{_at(a, _UNARY)} W {_at(b, _UNTIL)}", _UNTIL
+        case Then(a, b):
+            return f"{_at(a, _UNARY)} T {_at(b, _UNTIL)}", _UNTIL
+        case And(operands):
+            return " & ".join(_at(a, _UNTIL) for a in operands), _AND
+        case Or(operands):
+            return " | ".join(_at(a, _AND) for a in operands), _OR
+        case Implies(a, b):
+            return f"{_at(a, _OR)} => {_at(b, _IMPLIES)}", _IMPLIES
+        case Iff(a, b):
+            return f"{_at(a, _IMPLIES)} <=> {_at(b, _IFF)}", _IFF
+        case ForEach(quantifier, variable, labels, body):
+            return f"{quantifier} {variable} in {', '.join(labels)}: {text(body)}", _FOR_EACH
+        case Signal(name, dimension):
+            return f"signal {name}" + ("" if dimension is None else f"[{dimension}]"), _ATOM
+        case Constant(name, label, value):
+            return f"const {name}" + (f"[{label}]" if label else "") + f" = {value_text(value)}", _ATOM
+        case Definition(keyword, name, variable, labels, body):
+            family = f"[{variable} in {', '.join(labels)}]" if variable else ""
+            return f"{keyword} {name}{family}{' =' if keyword == 'let' else ':'} {body}", _ATOM
+        case Document((), formula):
+            return text(formula), _ATOM
+        case Document(declarations, formula):
+            return "\n".join(map(text, declarations)) + f"\nspec: {formula}\n", _ATOM
+        case _:
+            raise TypeError(f"no text for {type(node).__name__}")

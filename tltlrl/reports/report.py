@@ -1,0 +1,213 @@
+"""The tables of an experiment: learning_curves.csv, summary.csv, summary.md and report.md, and its figure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy.stats import binomtest
+
+from tltlrl.config.read import Experiment
+from tltlrl.logic.reasons import from_json, merge
+from tltlrl.reports.claims import claim_lines
+from tltlrl.reports.plotting import CURVES, FORMATS, plot_learning_curves
+from tltlrl.reports.workspace import WORKSPACE, drawable
+from tltlrl.store.files import write_text
+from tltlrl.store.record import PROGRESS
+
+SUMMARY, SUMMARY_PAGE, REPORT, FIGURE = "summary.csv", "summary.md", "report.md", "learning_curves"
+
+
+def write_report(
+    folder: Path, experiment: Experiment, finished: Mapping[Path, Mapping[str, Any]], failures: Mapping[str, str]
+) -> None:
+    """Writes every table and figure from the finished runs' files; what failed is listed.
+
+    If no run has finished, tables and figures of an earlier time, whose runs are there no more, are deleted.
+
+    Args:
+      folder: where to.
+      experiment: what was asked for.
+      finished: folder of a run => its results, in the order of the tables.
+      failures: run => message.
+    """
+    if not finished:
+        for name in (CURVES, SUMMARY, REPORT, *(f"{FIGURE}{suffix}" for suffix in FORMATS)):
+            (folder / name).unlink(missing_ok=True)
+        lines = [f"# {experiment.name}", "", "No run has finished.", *_failure_lines(failures)]
+        write_text(folder / SUMMARY_PAGE, "\n".join(lines) + "\n")
+        return
+    tables = [(path / PROGRESS).read_text().split("\n", 1) for path in finished]
+    write_text(folder / CURVES, tables[0][0] + "\n" + "".join(rows for _, rows in tables))
+    curves = pd.read_csv(folder / CURVES)
+    summary = summarise(curves, finished)
+    write_text(folder / SUMMARY, summary.to_csv(index=False, lineterminator="\n"))
+    write_text(folder / SUMMARY_PAGE, summary_page(experiment, summary, failures))
+    write_text(folder / REPORT, report_page(experiment, summary, finished, failures))
+    plot_learning_curves([curves], folder / FIGURE)
+
+
+def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) -> pd.DataFrame:
+    """One row per case and seed: the learned policy's worth, and when it first was worth something.
+
+    Args:
+      curves: learning_curves.csv.
+      outcomes: folder of the run => its done.json, in the order of the rows.
+    """
+    rows = []
+    runs = curves.groupby(["case", "seed"], sort=False)
+    for path, done in outcomes.items():
+        case, seed = path.parent.name, int(path.name.removeprefix("seed_"))
+        run = runs.get_group((case, seed))
+        satisfied = run.loc[run["robustness_policy"] > 0, "iteration"]
+        rows.append(
+            {
+                "task": run["task"].iloc[0],
+                "case": case,
+                "seed": seed,
+                "robustness_policy": done["robustness_policy"],
+                "satisfied": done["satisfied"],
+                "first_satisfied_iteration": satisfied.iloc[0] if len(satisfied) else None,
+                "robustness_mean_last": run["robustness_mean"].iloc[-1],
+                "robustness_mean_over_run": run["robustness_mean"].mean(),
+                "trials": done["trials"],
+                "successes": done["successes"],
+                "success_rate": done["successes"] / done["trials"],
+                **done["outcomes"],
+            }
+        )
+    return pd.DataFrame(rows).astype({"first_satisfied_iteration": "Int64"})
+
+
+def summary_page(experiment: Experiment, summary: pd.DataFrame, failures: Mapping[str, str]) -> str:
+    """summary.md: one line per case."""
+    judged = _judged(summary)
+    lines = [
+        f"# {experiment.name}",
+        "",
+        f"Spec `{experiment.spec.formula}`, {len(experiment.seeds)} seeds, "
+        f"{experiment.algorithm.iterations} iterations of {experiment.algorithm.samples} samples. "
+        "Robustness is that of the spec for every case, whatever it was trained on; above 0 the spec is satisfied.",
+        "",
+        "| case | satisfied | robustness of the mean policy, median (min to max) | first satisfied iteration, median "
+        "| robustness of samples, last iteration | successful trials |"
+        + "".join(f" trials with {name.replace('_', ' ')} |" for name in judged),
+        "|---|---|---|---|---|---|" + "---|" * len(judged),
+    ]
+    for case, rows in summary.groupby("case", sort=False):
+        policy = rows["robustness_policy"]
+        first = rows["first_satisfied_iteration"].astype(float).fillna(np.inf).median()  # over all seeds
+        lines.append(
+            f"| {case} | {rows['satisfied'].sum()} of {len(rows)} "
+            f"| {policy.median():.3f} ({policy.min():.3f} to {policy.max():.3f}) "
+            f"| {f'{first:.0f}' if np.isfinite(first) else 'never'} "
+            f"| {rows['robustness_mean_last'].mean():.3f} "
+            f"| {rows['successes'].sum()} of {rows['trials'].sum()} |"
+            + "".join(f" {rows[name].sum()} of {rows['trials'].sum()} |" for name in judged)
+        )
+    return "\n".join([*lines, *_failure_lines(failures)]) + "\n"
+
+
+def report_page(
+    experiment: Experiment,
+    summary: pd.DataFrame,
+    finished: Mapping[Path, Mapping[str, Any]],
+    failures: Mapping[str, str],
+) -> str:
+    """report.md: the summary, the figures, the case study's claims, what failed and why, and the settings."""
+    lines = [
+        summary_page(experiment, summary, failures),
+        f"![Learning curves]({FIGURE}.png)",
+        *claim_lines(summary),
+        *bottleneck_lines(finished),
+        *picture_lines(experiment, finished),
+        *trial_lines(summary, finished),
+        "",
+        "## Settings",
+        "",
+        *(f"- {key}: {value}" for key, value in experiment.settings.items()),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def picture_lines(experiment: Experiment, finished: Mapping[Path, Mapping[str, Any]]) -> list[str]:
+    """The workspace pictures of the cases, for tasks that have them."""
+    cases = dict.fromkeys(path.parent.name for path in finished)
+    if not drawable(experiment.task):
+        return []
+    return [
+        "",
+        "## The learned motions",
+        "",
+        "Of each case the seed with the median robustness of the mean policy.",
+        "",
+        *(f"![{case}]({case}/{WORKSPACE}.png)" for case in cases),
+    ]
+
+
+def trial_lines(summary: pd.DataFrame, finished: Mapping[Path, Mapping[str, Any]]) -> list[str]:
+    """The trials of every run, with a 95 % Wilson interval, and why trials failed."""
+    judged = _judged(summary)
+    lines = [
+        "",
+        "## Trials of the learned policies",
+        "",
+        "| case | seed | successful trials (95 % Wilson interval) |"
+        + "".join(f" with {name.replace('_', ' ')} |" for name in judged)
+        + " why trials failed |",
+        "|---" * (4 + len(judged)) + "|",
+    ]
+    for (_, row), done in zip(summary.iterrows(), finished.values(), strict=True):
+        lines.append(
+            f"| {row['case']} | {row['seed']} | {_rate(row['successes'], row['trials'])} |"
+            + "".join(f" {row[name]} of {row['trials']} |" for name in judged)
+            + f" {_why(done)} |"
+        )
+    return [*lines, "", f"Why: {HOW_DECIDED}"]
+
+
+def bottleneck_lines(finished: Mapping[Path, Mapping[str, Any]]) -> list[str]:
+    """For every case with mean policies that violate the spec: what decides so, over its seeds."""
+    by_case: dict[str, list[Mapping[str, Any]]] = {}
+    for path, done in finished.items():
+        by_case.setdefault(path.parent.name, []).append(done)
+    lines = []
+    for case, runs in by_case.items():
+        violated = [done for done in runs if not done["satisfied"]]
+        if violated:
+            lines.append(f"- {case}, {len(violated)} of {len(runs)} seeds:")
+            reasons = merge(reason for done in violated for reason in from_json(done["why_policy_fails"]))
+            lines += [f"  - {reason.count} of {len(runs)}: {reason}" for reason in reasons]
+    if not lines:
+        return []
+    return ["", "## What holds the failed policies back", "", *lines, "", f"Listed: {HOW_DECIDED}"]
+
+
+HOW_DECIDED = (
+    "the predicate whose margin at that step is the robustness, since min and max select; `!(...)` where the "
+    "predicate should not hold; then the named sub-formula that it stands in."
+)
+
+
+def _judged(summary: pd.DataFrame) -> list[str]:
+    """What the task judges of a trial besides the spec."""
+    return list(summary.columns[list(summary.columns).index("success_rate") + 1 :])
+
+
+def _rate(successes: Any, count: Any) -> str:
+    interval = binomtest(int(successes), int(count)).proportion_ci(method="wilson")
+    return f"{successes} of {count} ({interval.low:.3f} to {interval.high:.3f})"
+
+
+def _why(done: Mapping[str, Any]) -> str:
+    """Why trials of a run failed, in one cell of a table."""
+    return "; ".join(f"{r.count}: {r}" for r in from_json(done["why_trials_fail"])).replace("|", "\\|")
+
+
+def _failure_lines(failures: Mapping[str, str]) -> list[str]:
+    if not failures:
+        return []
+    return ["", "## Failed runs", "", *(f"- {run}: {message}" for run, message in failures.items())]

@@ -1,0 +1,115 @@
+"""The learned motion as MuJoCo sees it: a film and a strip of frames, rendered without a display."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from tltlrl.errors import UserError
+from tltlrl.learning.policy import Policy
+from tltlrl.logic import Spec
+from tltlrl.simulation.rollout import Simulator
+from tltlrl.simulation.trials import mean_motion
+from tltlrl.tasks.task import CONTROL_TIMESTEP, environment
+from tltlrl.training.loop import Run
+
+Frame = NDArray[np.uint8]
+
+HEIGHT, WIDTH = 360, 480  # pixels
+STRIP_ROWS, STRIP_COLUMNS = 2, 3
+INSIDE_COLOUR = np.array([0.3, 0.5, 0.9, 0.18], dtype=np.float32)
+OUTSIDE_COLOUR = np.array([0.9, 0.4, 0.2, 0.25], dtype=np.float32)  # of what `distance(...) > radius` keeps out of
+CLEARANCE = 0.004  # m, around a region, whose faces would else coincide with those of the body it stands for
+DISC_HEIGHT = 0.01  # m, of a region in the plane
+
+
+def render_motion(run: Run, policy: Policy, path: Path) -> None:
+    """Writes path.gif, the motion of the noise-free mean policy at its own speed, and path.png, six frames of it.
+
+    Args:
+      run: what was learned.
+      policy: by it.
+      path: without suffix.
+
+    Raises:
+      UserError: if no renderer is to be had on this machine.
+    """
+    frames = motion_frames(run, policy)
+    pictures = [Image.fromarray(frame).quantize(128) for frame in frames]
+    pictures[0].save(
+        path.with_suffix(".gif"), save_all=True, append_images=pictures[1:], duration=1000 * CONTROL_TIMESTEP, loop=0
+    )
+    film_strip(frames).save(path.with_suffix(".png"))
+
+
+def film_strip(frames: list[Frame]) -> Image.Image:
+    """Six frames in reading order, each with its time, evenly spread over how much the picture changes."""
+    strip = Image.new("RGB", (STRIP_COLUMNS * WIDTH, STRIP_ROWS * HEIGHT))
+    draw = ImageDraw.Draw(strip)
+    font = ImageFont.load_default(size=HEIGHT // 15)
+    changes = [np.abs(np.subtract(a, b, dtype=float)).mean() for a, b in itertools.pairwise(frames)]
+    seen = np.concatenate([[0.0], np.cumsum(changes)])
+    chosen = np.searchsorted(seen, np.linspace(0, seen[-1], STRIP_ROWS * STRIP_COLUMNS))
+    for place, i in enumerate(chosen):
+        row, column = divmod(place, STRIP_COLUMNS)
+        corner = (column * WIDTH, row * HEIGHT)
+        strip.paste(Image.fromarray(frames[i]), corner)
+        draw.text((corner[0] + 10, corner[1] + 8), f"{i * CONTROL_TIMESTEP:.2f} s", fill="black", font=font)
+    return strip
+
+
+def motion_frames(run: Run, policy: Policy) -> list[Frame]:
+    """One picture per sample, (HEIGHT, WIDTH, 3): the environment stepped with the mean policy's commands."""
+    task = run.make_evaluation_task()
+    task.command_noise = np.zeros_like(task.command_noise)
+    task.rewards[task.environment_reward] = lambda signals: np.zeros(next(iter(signals.values())).shape[:2])
+    commands = mean_motion(Simulator(task), policy).commands[0]
+    env = environment(task)
+    frames, timestep = [], env.reset()
+    for command in commands:
+        frames.append(_frame(env.physics, task.camera, run.spec))
+        if timestep.last():
+            break
+        timestep = env.step(command)
+    return frames
+
+
+def _frame(physics: object, camera: str, spec: Spec) -> Frame:
+    def draw_regions(_: object, scene: mujoco.MjvScene) -> None:
+        for region in spec.regions:
+            if region.signal != "ee" or scene.ngeom == scene.maxgeom:
+                continue
+            if region.centre is not None:
+                centre, size = np.array(region.centre), np.full(3, region.radius)
+                shape = mujoco.mjtGeom.mjGEOM_SPHERE
+            else:
+                lower, upper = np.array(region.lower), np.array(region.upper)
+                centre, size = (lower + upper) / 2, (upper - lower) / 2
+                shape = mujoco.mjtGeom.mjGEOM_BOX
+            if len(centre) == 2:  # a disc or rectangle in the plane
+                centre, size = np.append(centre, 0.0), np.append(size[:2], DISC_HEIGHT)
+                if shape == mujoco.mjtGeom.mjGEOM_SPHERE:
+                    shape, size = mujoco.mjtGeom.mjGEOM_CYLINDER, np.array([size[0], size[0], DISC_HEIGHT])
+            scene.ngeom += 1
+            mujoco.mjv_initGeom(
+                scene.geoms[scene.ngeom - 1],
+                shape,
+                size + CLEARANCE,
+                centre.astype(float),
+                np.eye(3).ravel(),
+                INSIDE_COLOUR if region.inside else OUTSIDE_COLOUR,
+            )
+
+    try:
+        return np.array(physics.render(HEIGHT, WIDTH, camera_id=camera, scene_callback=draw_regions))  # type: ignore[attr-defined]
+    except (RuntimeError, ImportError, mujoco.FatalError) as error:
+        raise UserError(
+            f"no picture can be rendered on this machine ({error}); install a software renderer (Debian: "
+            f"libegl1 libgl1-mesa-dri, or libosmesa6) and set MUJOCO_GL=egl or MUJOCO_GL=osmesa. "
+            f"Training, evaluation and curves need none."
+        ) from error

@@ -1,0 +1,23 @@
+"""What a policy is worth: the robustness of its noise-free motion, and of trials with the actuators' noise."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tltlrl.learning.policy import Policy
+from tltlrl.simulation.rollout import Simulator, Trajectories
+
+Array = NDArray[np.float64]
+
+
+def mean_motion(simulator: Simulator, policy: Policy) -> Trajectories:
+    """The one trajectory without exploration and without command noise."""
+    offsets = policy.mean[None]
+    return simulator.rollout(policy.gain, offsets, np.zeros_like(offsets))
+
+
+def trials(simulator: Simulator, policy: Policy, count: int, rng: np.random.Generator) -> Trajectories:
+    """`count` trajectories of the mean policy, each disturbed by the actuators' noise."""
+    offsets = np.broadcast_to(policy.mean, (count, *policy.mean.shape))
+    return simulator.rollout(policy.gain, offsets, simulator.draw_command_noise(count, rng))
