@@ -1,15 +1,16 @@
-"""Relative entropy policy search: pure functions on arrays, which know no task and no simulator."""
+"""Relative entropy policy search: the dual, the fit, and the two learners made of them."""
 
 from tltlrl.learning.reps.dual import Weighting, solve_dual
-from tltlrl.learning.reps.update import COVARIANCE_RULES, Update, episode_based, fit, reward_to_go, step_based
+from tltlrl.learning.reps.learner import EpisodeBased, RepsSettings, StepBased
+from tltlrl.learning.reps.update import COVARIANCE_RULES, fit, reward_to_go
 
 __all__ = [
     "COVARIANCE_RULES",
-    "Update",
+    "EpisodeBased",
+    "RepsSettings",
+    "StepBased",
     "Weighting",
-    "episode_based",
     "fit",
     "reward_to_go",
     "solve_dual",
-    "step_based",
 ]

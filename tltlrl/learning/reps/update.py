@@ -1,4 +1,4 @@
-"""One policy update: samples and their returns in, the new mean and covariance of the offsets out.
+"""The fit of the policy: weighted samples in, the new mean and covariance of the offsets out.
 
 Weighted maximum likelihood (case study, section 3.3.3) with the weights of the dual:
 
@@ -16,72 +16,16 @@ when returns carry no signal, keeps its diagonal, and moves only part of the way
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
-
-from tltlrl.learning.reps.dual import Weighting, solve_dual
 
 Array = NDArray[np.float64]
 COVARIANCE_RULES = ("damped", "published")
 
 
-@dataclass(frozen=True)
-class Update:
-    """The next search distribution and how it came about.
-
-    Attributes:
-      mean: k_t', shape (T, d).
-      covariance: Sigma_t', shape (T, d, d).
-      weighting: the dual's solution; leading axis T if step-based.
-    """
-
-    mean: Array
-    covariance: Array
-    weighting: Weighting
-
-
 def reward_to_go(rewards: Array) -> Array:
     """S_{i,t} = sum_{j >= t} r_{i,j}: shape (N, T) => (N, T)."""
     return np.asarray(np.cumsum(rewards[:, ::-1], axis=1)[:, ::-1])
-
-
-def episode_based(
-    offsets: Array,
-    returns: Array,
-    mean: Array,
-    covariance: Array,
-    epsilon: float,
-    rule: str,
-    kept: float,
-) -> Update:
-    """Episode-based REPS.
-
-    Args:
-      offsets: delta_{i,t} = u_{i,t} - K_t s_{i,t}, shape (N, T, d).
-      returns: R_i, shape (N,).
-      mean, covariance: k_t (T, d) and Sigma_t (T, d, d) that the offsets were drawn from.
-      epsilon: bound of the dual, nats.
-      rule, kept: see `fit`.
-    """
-    weighting = solve_dual(returns, epsilon)
-    weights = np.broadcast_to(weighting.weights, (offsets.shape[1], len(returns)))
-    return Update(*fit(offsets, weights, mean, covariance, rule, kept), weighting)
-
-
-def step_based(
-    offsets: Array,
-    rewards: Array,
-    mean: Array,
-    covariance: Array,
-    epsilon: float,
-    rule: str,
-    kept: float,
-) -> Update:
-    """Step-based REPS: as `episode_based`, but one dual per time step on the reward-to-go of `rewards` (N, T)."""
-    weighting = solve_dual(reward_to_go(rewards).T, epsilon)
-    return Update(*fit(offsets, weighting.weights, mean, covariance, rule, kept), weighting)
 
 
 def fit(offsets: Array, weights: Array, mean: Array, covariance: Array, rule: str, kept: float) -> tuple[Array, Array]:

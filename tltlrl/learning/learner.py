@@ -1,0 +1,82 @@
+"""The contract of a learner, in the manner of ask and tell.
+
+A learner is made from its own settings and the number of samples per iteration. It has no state of its own: what it
+knows is handed back to it, so a run can be stopped and resumed between any two iterations, and the state as it stands
+is the checkpoint.
+
+    learner = EpisodeBased(RepsSettings(epsilon=1.0), samples=20)
+    state = learner.start(policy)
+    offsets = learner.ask(state, 20, rng)
+    state, diagnostics = learner.tell(state, offsets, Scores(returns))
+
+A learner knows no task, spec or file.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tltlrl.learning.policy import Policy
+
+Array = NDArray[np.float64]
+Diagnostics = dict[str, float]  # the learner's own columns of progress.csv
+State = TypeVar("State")
+
+
+@dataclass(frozen=True)
+class Scores:
+    """What a learner is told of N sampled trajectories.
+
+    Attributes:
+      returns: R_i, shape (N,). -inf is allowed (it cannot be worse); NaN and +inf are not.
+      rewards: r_{i,t}, shape (N, T), where the reward is known per step; otherwise None.
+    """
+
+    returns: Array
+    rewards: Array | None = None
+
+
+class Learner(Protocol[State]):
+    """How a policy is improved.
+
+    Attributes:
+      Settings: dataclass of the learner's own keys in the config group `algorithm`; each has a default.
+      by_step: whether it needs `Scores.rewards`.
+
+    `State` is a frozen dataclass of arrays and numbers.
+    """
+
+    Settings: ClassVar[type]
+    by_step: ClassVar[bool]
+
+    def __init__(self, settings: Any, samples: int) -> None:
+        """From its own settings.
+
+        Raises:
+          UserError: naming the key, if the settings do not go with that many samples per iteration.
+        """
+
+    def start(self, policy: Policy) -> State:
+        """The state before the first iteration, from the first policy."""
+
+    def ask(self, state: State, count: int, rng: np.random.Generator) -> Array:
+        """Offsets delta_{i,t} = u_{i,t} - K s_{i,t} to be tried, shape (count, T, d)."""
+
+    def tell(self, state: State, offsets: Array, scores: Scores) -> tuple[State, Diagnostics]:
+        """The next state, from what the offsets that were tried are worth.
+
+        Args:
+          state: that the offsets were asked from.
+          offsets: shape (N, T, d).
+          scores: of the N trajectories.
+
+        Raises:
+          ValueError: if a return is NaN or +inf, or every one is -inf.
+        """
+
+    def policy(self, state: State) -> Policy:
+        """The policy learned so far."""

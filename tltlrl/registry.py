@@ -1,0 +1,81 @@
+"""Tasks and learners by name: those that come with tltlrl, and those of installed packages.
+
+A name stands for "module:attribute", which is imported where it is used, also by a worker on another machine. A
+package adds names by entry points of the groups `tltlrl.tasks` and `tltlrl.learners` in its pyproject.toml:
+
+    [project.entry-points."tltlrl.tasks"]
+    two_link = "my_package.two_link:TWO_LINK"
+
+What a config says is only ever a name in these tables, never code to import.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from tltlrl.errors import UserError, nearest
+
+
+@dataclass(frozen=True)
+class Registry:
+    """One table of names.
+
+    Attributes:
+      what: "task" or "learner", for messages.
+      group: the entry points' group.
+      built_in: name => "module:attribute"; a package cannot take one of these names.
+    """
+
+    what: str
+    group: str
+    built_in: Mapping[str, str]
+
+    def names(self) -> list[str]:
+        """Every name: the built-in ones first, then those of packages in alphabetical order."""
+        return [*self.built_in, *sorted(self._of_packages().keys() - self.built_in.keys())]
+
+    def get(self, name: str) -> Any:
+        """What the name stands for, imported.
+
+        Raises:
+          UserError: if there is no such name, or what it stands for cannot be imported.
+        """
+        address = self.built_in.get(name) or self._of_packages().get(name)
+        if address is None:
+            raise UserError(f"no {self.what} is named {name}{nearest(name, self.names())}")
+        module, _, attribute = address.partition(":")
+        try:
+            return getattr(importlib.import_module(module), attribute)
+        except (ImportError, AttributeError) as error:
+            if name in self.built_in:
+                raise
+            raise UserError(
+                f"the {self.what} {name} cannot be loaded from {address} ({error}); mend or uninstall its package"
+            ) from error
+
+    def _of_packages(self) -> dict[str, str]:
+        from importlib.metadata import entry_points  # costs a start that needs only built-in names too much
+
+        return {point.name: point.value for point in entry_points(group=self.group)}
+
+
+TASKS = Registry(
+    "task",
+    "tltlrl.tasks",
+    {
+        "reach_avoid": "tltlrl.tasks.planar_arm:REACH_AVOID",
+        "visit_in_order": "tltlrl.tasks.planar_arm:VISIT_IN_ORDER",
+        "toast": "tltlrl.tasks.toast:TOAST",
+    },
+)
+LEARNERS = Registry(
+    "learner",
+    "tltlrl.learners",
+    {
+        "episodic": "tltlrl.learning.reps:EpisodeBased",
+        "step": "tltlrl.learning.reps:StepBased",
+    },
+)

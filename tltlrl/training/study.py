@@ -1,0 +1,147 @@
+"""What is asked for: a study, and the runs it consists of. Plain data that checks itself and builds nothing.
+
+Rules that need two parts, such as the signals of spec and task, are checked where the parts meet: `training.build`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from tltlrl.errors import UserError
+from tltlrl.logic import Spec
+from tltlrl.settings import check, check_value, setting, settings_of
+
+MOST_SEEDS = MOST_TRIALS = MOST_SAMPLES = 10_000  # more would not fit into memory, and show only after hours
+TLTL = "tltl"  # the reward that is the spec's own robustness
+
+
+@dataclass(frozen=True)
+class AlgorithmConfig:
+    """Policy search as far as it is the same for every learner: its budget and its first policy."""
+
+    iterations: int = setting("policy updates", 200, least=1, budget=True)
+    samples: int = setting("trajectories per iteration", 20, least=2, most=MOST_SAMPLES)
+    initial_std: float = setting(
+        "exploration of the first policy, as a share of a full command", 1.0, above=0, most=100
+    )
+    feedback: float = setting("the fixed gain K, in units of the task's feedback matrix", -1.0, least=-1e6, most=1e6)
+    correlation: float = setting(
+        "width of the exploration noise's correlation over time, steps; 0 for independent steps", 1.0, least=0
+    )
+
+    def __post_init__(self) -> None:
+        check(self, "algorithm")
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is compared: a reward and a learner, by their names.
+
+    Attributes:
+      reward: `tltl`, or one of the task's hand-made rewards.
+      learner: a name in `registry.LEARNERS`.
+    """
+
+    reward: str
+    learner: str
+
+    @property
+    def name(self) -> str:
+        """The case's name, as in configs, folders and CSV files."""
+        return f"{self.reward}_{self.learner}"
+
+
+@dataclass(frozen=True)
+class Run:
+    """Everything that decides the bytes of one run.
+
+    Attributes:
+      task: the task's own config dataclass.
+      reward: the coefficients of its hand-made rewards.
+      spec: trained on (case tltl_*) and measured by (every case).
+      case: what is trained.
+      seed: of all noise.
+      algorithm: policy search.
+      learner: the learner's own settings.
+      trials: noisy trials of the learned policy.
+    """
+
+    task: Any
+    reward: Any
+    spec: Spec
+    case: Case
+    seed: int
+    algorithm: AlgorithmConfig
+    learner: Any
+    trials: int
+
+    def identity(self) -> str:
+        """SHA-256 of everything above, by which a run's files are known to be its own; results of 0.1 have the same."""
+        asked = {
+            "task": dataclasses.asdict(self.task),
+            "reward": dataclasses.asdict(self.reward),
+            "spec": {"text": self.spec.text, "constants": dict(self.spec.constants)},
+            "case": {"reward": self.case.reward, "algorithm": self.case.learner},
+            "seed": self.seed,
+            "algorithm": dataclasses.asdict(self.algorithm) | dataclasses.asdict(self.learner),
+            "trials": self.trials,
+        }
+        return hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()
+
+
+@dataclass(frozen=True)
+class Study:
+    """A comparison: every case with every seed.
+
+    Attributes:
+      task, reward: config dataclasses of the task and of its hand-made rewards.
+      spec: what is learned, and what every case is measured by.
+      algorithm: the same for every case.
+      learners: name of a learner => its own settings, for every learner among the cases.
+      settings: the config as given, less what does not change the results; kept in config.yaml.
+    """
+
+    name: str = setting("the results go to <runs_dir>/<name>")
+    task: Any = setting("what is simulated: its robot, its length, its noise")
+    reward: Any = setting("coefficients of the task's hand-made rewards")
+    spec: Spec = setting("a .tltl file: a path of your own, or one that comes with tltlrl")
+    cases: tuple[Case, ...] = setting("what is compared: <reward>_<learner>")
+    seeds: tuple[int, ...] = setting("a list, or a number n for 0 .. n-1")
+    algorithm: AlgorithmConfig = setting("policy search, the same for every case")
+    learners: Mapping[str, Any]
+    trials: int = setting("noisy trials of each learned policy, for the success rate", 100, least=1, most=MOST_TRIALS)
+    settings: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not self.name.isprintable() or not self.name.strip(". ") or "/" in self.name:
+            raise UserError(f"name: {self.name!r} cannot be a folder's name")
+        if not self.cases or len(set(self.cases)) < len(self.cases):
+            raise UserError(f"cases: {[c.name for c in self.cases]} must name at least one case, and each once")
+        if not self.seeds or len(set(self.seeds)) < len(self.seeds) or min(self.seeds) < 0:
+            raise UserError(
+                f"seeds: {list(self.seeds)} must be a number n >= 1 for the seeds 0 .. n-1, or a list of different "
+                "numbers >= 0"
+            )
+        check_value("trials", self.trials, settings_of(Study)["trials"])
+
+    def runs(self) -> list[Run]:
+        """One run per case and seed, in the order of the tables."""
+        return [
+            Run(
+                self.task,
+                self.reward,
+                self.spec,
+                case,
+                seed,
+                self.algorithm,
+                self.learners[case.learner],
+                self.trials,
+            )
+            for case in self.cases
+            for seed in self.seeds
+        ]
