@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import psutil
+from tltlrl.store.record import PROGRESS, write_results
 
 from benchmarks.simulation import Row, seconds
 from tltlrl.config.compose import compose
@@ -18,7 +19,6 @@ from tltlrl.experiments.experiment import finished, run_folder, survey
 from tltlrl.learning.policy import Policy
 from tltlrl.reports.plotting import plot_learning_curves, read_curves
 from tltlrl.reports.report import write_report
-from tltlrl.store.record import PROGRESS, write_results
 from tltlrl.training.loop import PROGRESS_COLUMNS, Run
 
 TASKS = ("reach_avoid", "visit_in_order", "toast")

@@ -16,7 +16,8 @@ from tltlrl.config.compose import compose
 from tltlrl.config.read import experiment_from
 from tltlrl.experiments.engine import run_all
 from tltlrl.learning.policy import Policy
-from tltlrl.learning.reps import episode_based
+from tltlrl.learning.learner import Scores
+from tltlrl.learning.reps import EpisodeBased, RepsSettings
 from tltlrl.simulation.rollout import Simulator
 from tltlrl.tasks.task import CONTROL_TIMESTEP, environment
 from tltlrl.training.loop import Run, initial_policy, iterate
@@ -92,18 +93,15 @@ def iteration(name: str) -> Row:
 
 def update() -> Row:
     """Sampling and one update on the 60-dimensional quadratic, 30 samples."""
-    default = make_run("reach_avoid").algorithm
-    settings = (default.epsilon, default.covariance, default.kept)
+    learner = EpisodeBased(RepsSettings(), 30)
     rng = np.random.default_rng(0)
     optimum = rng.standard_normal((20, 3))
     policy = Policy(np.zeros((3, 1)), np.zeros((20, 3)), np.tile(np.eye(3), (20, 1, 1)))
     times = []
     for _ in range(200):
         start = time.perf_counter()
-        offsets = policy.sample(30, rng)
-        returns = -np.sum((offsets - optimum) ** 2, axis=(1, 2))
-        result = episode_based(offsets, returns, policy.mean, policy.covariance, *settings)
-        policy = Policy(policy.gain, result.mean, result.covariance)
+        offsets = learner.ask(policy, 30, rng)
+        policy, _ = learner.tell(policy, offsets, Scores(-np.sum((offsets - optimum) ** 2, axis=(1, 2))))
         times.append(time.perf_counter() - start)
     return "REPS, 60 dimensions, 30 samples: ms per update", 1e3 * statistics.median(times), 0.5, "<="
 

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-import yaml
 
 from tltlrl.learning.policy import Policy
-from tltlrl.learning.reps import episode_based, fit, reward_to_go, solve_dual, step_based
-from tltlrl.resources import CONFIGS
+from tltlrl.learning.learner import Scores
+from tltlrl.learning.reps import EpisodeBased, RepsSettings, StepBased, fit, reward_to_go, solve_dual
 
 
 def problem(n=12, steps=5, d=3, seed=0):
@@ -16,10 +15,16 @@ def problem(n=12, steps=5, d=3, seed=0):
     return rng, mean, covariance, offsets
 
 
+def updated(kind, offsets, scores, mean, covariance, epsilon=0.5, rule="damped", kept=0.5):
+    """The learner's next policy from these samples of the one with this mean and covariance."""
+    policy = Policy(np.zeros((mean.shape[1], 1)), mean, covariance)
+    return kind(RepsSettings(epsilon, rule, kept), len(offsets)).tell(policy, offsets, scores)[0]
+
+
 def test_published_fit_is_the_weighted_maximum_likelihood_of_every_step():
     rng, mean, covariance, offsets = problem()
     returns = rng.normal(size=12)
-    update = episode_based(offsets, returns, mean, covariance, 0.5, "published", 0.5)
+    update = updated(EpisodeBased, offsets, Scores(returns), mean, covariance, rule="published")
     p = solve_dual(returns, 0.5).weights
     for t in range(5):
         k = sum(p[i] * offsets[i, t] for i in range(12))
@@ -31,7 +36,7 @@ def test_published_fit_is_the_weighted_maximum_likelihood_of_every_step():
 def test_damped_fit_keeps_its_share_of_the_old_covariance_and_measures_about_the_old_mean():
     rng, mean, covariance, offsets = problem()
     returns = rng.normal(size=12)
-    update = episode_based(offsets, returns, mean, covariance, 0.5, "damped", 0.3)
+    update = updated(EpisodeBased, offsets, Scores(returns), mean, covariance, kept=0.3)
     p = solve_dual(returns, 0.5).weights
     for t in range(5):
         variance = sum(p[i] * (offsets[i, t] - mean[t]) ** 2 for i in range(12))
@@ -61,10 +66,9 @@ def test_step_based_with_rewards_only_at_the_last_step_is_episode_based(rule):
     returns = rng.normal(size=12)
     rewards = np.zeros((12, 5))
     rewards[:, -1] = returns
-    by_step = step_based(offsets, rewards, mean, covariance, 0.5, rule, 0.5)
-    by_episode = episode_based(offsets, returns, mean, covariance, 0.5, rule, 0.5)
-    for t in range(5):
-        np.testing.assert_allclose(by_step.weighting.weights[t], by_episode.weighting.weights, atol=1e-9)
+    scores = Scores(returns, rewards)
+    by_step = updated(StepBased, offsets, scores, mean, covariance, rule=rule)
+    by_episode = updated(EpisodeBased, offsets, scores, mean, covariance, rule=rule)
     np.testing.assert_allclose(by_step.mean, by_episode.mean, atol=1e-9)
     np.testing.assert_allclose(by_step.covariance, by_episode.covariance, atol=1e-9)
 
@@ -73,8 +77,10 @@ def test_step_based_guards_a_vanishing_spread_near_the_end():
     _, mean, covariance, offsets = problem()
     rewards = np.random.default_rng(1).normal(size=(12, 5))
     rewards[:, 3:] = 0.25  # all reward-to-go equal from here on
-    update = step_based(offsets, rewards, mean, covariance, 0.5, "damped", 0.5)
-    np.testing.assert_allclose(update.weighting.weights[3:], 1 / 12)
+    learner = StepBased(RepsSettings(epsilon=0.5), 12)
+    weights = learner.weighting(Scores(rewards.sum(axis=1), rewards)).weights
+    np.testing.assert_allclose(weights[3:], 1 / 12)
+    update = updated(StepBased, offsets, Scores(rewards.sum(axis=1), rewards), mean, covariance)
     assert np.isfinite(update.covariance).all()
 
 
@@ -85,14 +91,11 @@ def test_the_default_update_finds_the_optimum_of_the_60_dimensional_quadratic(se
     With independent noise: the optimum is independent from step to step, which noise correlated over time, the default
     of the tasks, does not explore.
     """
-    default = yaml.safe_load((CONFIGS / "algorithm/reps.yaml").read_text())
-    settings = (default["epsilon"], default["covariance"], default["kept"])
+    learner = EpisodeBased(RepsSettings(), 30)
     rng = np.random.default_rng(seed)
     optimum = rng.standard_normal((20, 3))
     policy = Policy(np.zeros((3, 1)), np.zeros((20, 3)), np.tile(np.eye(3), (20, 1, 1)))
     for _ in range(200):
-        offsets = policy.sample(30, rng)
-        returns = -np.sum((offsets - optimum) ** 2, axis=(1, 2))
-        update = episode_based(offsets, returns, policy.mean, policy.covariance, *settings)
-        policy = Policy(policy.gain, update.mean, update.covariance)
+        offsets = learner.ask(policy, 30, rng)
+        policy, _ = learner.tell(policy, offsets, Scores(-np.sum((offsets - optimum) ** 2, axis=(1, 2))))
     assert -1e-4 < -np.sum((policy.mean - optimum) ** 2) <= 0

@@ -4,12 +4,12 @@ import json
 
 import numpy as np
 import pytest
+from tltlrl.store.record import read_policy
 
 from tltlrl.config.compose import compose
 from tltlrl.config.read import experiment_from
 from tltlrl.learning.reps import reward_to_go, solve_dual
 from tltlrl.simulation.rollout import Simulator
-from tltlrl.store.record import read_policy
 from tltlrl.training import loop as training
 from tltlrl.training.loop import initial_policy, iterate, train, try_policy
 

@@ -7,7 +7,6 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from tltlrl.logic.explain import Explanation
-from tltlrl.tasks.task import CONTROL_TIMESTEP
 
 
 @dataclass(frozen=True)
@@ -28,9 +27,10 @@ class Reason:
     worst: float
     best: float
 
-    def __str__(self) -> str:
+    def told(self, timestep: float) -> str:
+        """The reason in words; `timestep` is the time between two samples, s."""
         when = f"step {self.first}" if self.first == self.last else f"steps {self.first} to {self.last}"
-        seconds = " to ".join(f"{step * CONTROL_TIMESTEP:.2f}" for step in dict.fromkeys((self.first, self.last)))
+        seconds = " to ".join(f"{step * timestep:.2f}" for step in dict.fromkeys((self.first, self.last)))
         value = " to ".join(dict.fromkeys((f"{self.worst:.3f}", f"{self.best:.3f}")))
         return f"{self.what}, at {when} ({seconds} s), robustness {value}"
 

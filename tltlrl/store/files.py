@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import io
 import json
 import os
@@ -46,7 +47,12 @@ def naming(path: Path) -> Iterator[None]:
         raise OSError(error.errno, error.strerror, str(path)) from error
 
 
-def sweep(folder: Path) -> None:
+def digest(content: bytes) -> str:
+    """SHA-256 in hexadecimal digits, as `sha256sum` prints it."""
+    return hashlib.sha256(content).hexdigest()
+
+
+def clear_leftovers(folder: Path) -> None:
     """Deletes what processes that were killed in the middle of writing have left in `folder`."""
     for path in folder.glob(f".*{TEMPORARY}"):
         path.unlink(missing_ok=True)

@@ -6,7 +6,6 @@ Rules that need two parts, such as the signals of spec and task, are checked whe
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from typing import Any
 from tltlrl.errors import UserError
 from tltlrl.logic import Spec
 from tltlrl.settings import check, check_value, setting, settings_of
+from tltlrl.store.files import digest
 
 MOST_SEEDS = MOST_TRIALS = MOST_SAMPLES = 10_000  # more would not fit into memory, and show only after hours
 TLTL = "tltl"  # the reward that is the spec's own robustness
@@ -91,7 +91,7 @@ class Run:
             "algorithm": dataclasses.asdict(self.algorithm) | dataclasses.asdict(self.learner),
             "trials": self.trials,
         }
-        return hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()
+        return digest(json.dumps(asked, sort_keys=True).encode())
 
 
 @dataclass(frozen=True)
@@ -99,20 +99,23 @@ class Study:
     """A comparison: every case with every seed.
 
     Attributes:
+      name: of its folder.
       task, reward: config dataclasses of the task and of its hand-made rewards.
       spec: what is learned, and what every case is measured by.
+      cases, seeds: what is compared.
       algorithm: the same for every case.
       learners: name of a learner => its own settings, for every learner among the cases.
+      trials: noisy trials of each learned policy.
       settings: the config as given, less what does not change the results; kept in config.yaml.
     """
 
-    name: str = setting("the results go to <runs_dir>/<name>")
-    task: Any = setting("what is simulated: its robot, its length, its noise")
-    reward: Any = setting("coefficients of the task's hand-made rewards")
-    spec: Spec = setting("a .tltl file: a path of your own, or one that comes with tltlrl")
-    cases: tuple[Case, ...] = setting("what is compared: <reward>_<learner>")
-    seeds: tuple[int, ...] = setting("a list, or a number n for 0 .. n-1")
-    algorithm: AlgorithmConfig = setting("policy search, the same for every case")
+    name: str
+    task: Any
+    reward: Any
+    spec: Spec
+    cases: tuple[Case, ...]
+    seeds: tuple[int, ...]
+    algorithm: AlgorithmConfig
     learners: Mapping[str, Any]
     trials: int = setting("noisy trials of each learned policy, for the success rate", 100, least=1, most=MOST_TRIALS)
     settings: Mapping[str, Any] = dataclasses.field(default_factory=dict)
@@ -127,6 +130,8 @@ class Study:
                 f"seeds: {list(self.seeds)} must be a number n >= 1 for the seeds 0 .. n-1, or a list of different "
                 "numbers >= 0"
             )
+        if len(self.seeds) > MOST_SEEDS or max(self.seeds) >= 2**63:
+            raise UserError(f"seeds: at most {MOST_SEEDS}, each below 2**63")
         check_value("trials", self.trials, settings_of(Study)["trials"])
 
     def runs(self) -> list[Run]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import zipfile
 from collections.abc import Mapping
@@ -13,17 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tltlrl.learning.policy import Policy
-from tltlrl.store.files import read_arrays, write_arrays, write_json
+from tltlrl.store.files import digest, read_arrays, write_arrays, write_json
+from tltlrl.store.layout import CHECKPOINT, DONE, POLICY, PROGRESS, TIMING
 
-PROGRESS, TIMING, POLICY, DONE, CHECKPOINT = (
-    "progress.csv",
-    "timing.csv",
-    "policy.npz",
-    "done.json",
-    "checkpoint.npz",
-)
 SEAL, RUN = "sha256", "run"  # keys of done.json
+STATE = "state."  # before the names of the learner's arrays in checkpoint.npz
 UNREADABLE = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile)
 
 
@@ -33,43 +26,33 @@ class DamagedError(ValueError):
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """Where an unfinished run goes on.
+    """Where an unfinished run is resumed.
 
     Attributes:
       iteration: iterations done.
       env_steps: samples in them.
-      mean, covariance: the policy after them, shapes (T, d) and (T, d, d).
+      state: the learner's state after them, name => array.
     """
 
     iteration: int
     env_steps: int
-    mean: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    state: Mapping[str, NDArray[np.generic]]
 
 
-def digest(content: bytes) -> str:
-    """SHA-256 in hexadecimal digits, as `sha256sum` prints it."""
-    return hashlib.sha256(content).hexdigest()
-
-
-def write_results(folder: Path, identity: str, policy: Policy, results: Mapping[str, Any]) -> None:
+def write_results(
+    folder: Path, identity: str, policy: Mapping[str, NDArray[np.generic]], results: Mapping[str, Any]
+) -> None:
     """policy.npz and, last, done.json: the results and the seal of everything they belong to.
 
     Args:
       folder: of the run, with its whole progress.csv.
-      identity: of the run; see `tltlrl.training.loop.Run.identity`.
-      policy: the learned one.
+      identity: of the run; see `tltlrl.training.study.Run.identity`.
+      policy: the arrays of the learned one.
       results: plain data.
     """
-    write_arrays(
-        folder / POLICY,
-        gain=policy.gain,
-        mean=policy.mean,
-        covariance=policy.covariance,
-        correlation=policy.correlation,
-    )
+    write_arrays(folder / POLICY, **policy)
     write_json(folder / DONE, {**results, SEAL: _seals(folder, identity, results)})
-    (folder / CHECKPOINT).unlink(missing_ok=True)
+    drop_checkpoint(folder)
 
 
 def read_results(folder: Path, identity: str) -> dict[str, Any] | None:
@@ -109,15 +92,14 @@ def _seals(folder: Path, identity: str, results: Mapping[str, Any]) -> dict[str,
     }
 
 
-def read_policy(folder: Path) -> Policy:
-    """policy.npz of a finished run.
+def read_policy(folder: Path) -> dict[str, NDArray[np.generic]]:
+    """The arrays of policy.npz of a finished run.
 
     Raises:
       DamagedError: if it cannot be read.
     """
     try:
-        saved = read_arrays(folder / POLICY)
-        return Policy(saved["gain"], saved["mean"], saved["covariance"], float(saved["correlation"]))
+        return read_arrays(folder / POLICY)
     except UNREADABLE as error:
         raise DamagedError(f"{POLICY} cannot be read ({error})") from error
 
@@ -125,28 +107,40 @@ def read_policy(folder: Path) -> Policy:
 def write_checkpoint(folder: Path, identity: str, checkpoint: Checkpoint) -> None:
     """checkpoint.npz, sealed together with the rows of progress.csv so far, which must be in the file."""
     rows = (folder / PROGRESS).read_bytes()
-    write_arrays(folder / CHECKPOINT, **vars(checkpoint), sha256=digest(identity.encode() + rows))
+    state = {f"{STATE}{name}": array for name, array in checkpoint.state.items()}
+    write_arrays(
+        folder / CHECKPOINT,
+        iteration=checkpoint.iteration,
+        env_steps=checkpoint.env_steps,
+        sha256=digest(identity.encode() + rows),
+        **state,
+    )
 
 
 def read_checkpoint(folder: Path, identity: str) -> Checkpoint | None:
-    """Where an unfinished run goes on; None if it starts from the beginning.
+    """Where an unfinished run is resumed; None if it starts from the beginning.
 
     Raises:
-      DamagedError: if there is a checkpoint that cannot be gone on from.
+      DamagedError: if there is a checkpoint that a run cannot be resumed from.
     """
     if not (folder / CHECKPOINT).exists():
         return None
     try:
         saved = read_arrays(folder / CHECKPOINT)
         iteration = int(saved["iteration"])
-        checkpoint = Checkpoint(iteration, int(saved["env_steps"]), saved["mean"], saved["covariance"])
+        state = {name.removeprefix(STATE): array for name, array in saved.items() if name.startswith(STATE)}
         rows = first_rows(folder / PROGRESS, iteration)
         first_rows(folder / TIMING, iteration)
-        if str(saved["sha256"]) != digest(identity.encode() + rows):
+        if not state or str(saved["sha256"]) != digest(identity.encode() + rows):
             raise ValueError(f"the rows of {PROGRESS} are not those it was written with")
+        return Checkpoint(iteration, int(saved["env_steps"]), state)
     except UNREADABLE as error:
-        raise DamagedError(f"{CHECKPOINT} cannot be gone on from ({error})") from error
-    return checkpoint
+        raise DamagedError(f"a run cannot be resumed from its {CHECKPOINT} ({error})") from error
+
+
+def drop_checkpoint(folder: Path) -> None:
+    """Deletes checkpoint.npz, if there is one."""
+    (folder / CHECKPOINT).unlink(missing_ok=True)
 
 
 def first_rows(path: Path, count: int) -> bytes:

@@ -1,0 +1,42 @@
+"""The folder of an experiment and those of its runs: the one description of what lies where (runs/README.md).
+
+<experiment>/                 config.yaml, specs/, manifest.json, log.txt, the tables and the report
+<experiment>/<case>/          pictures of the case
+<experiment>/<case>/seed_<k>/ one run
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+# Of an experiment.
+CONFIG, MANIFEST, SPECS, LOG, LOCK = "config.yaml", "manifest.json", "specs", "log.txt", ".lock"
+CURVES, SUMMARY, SUMMARY_PAGE, REPORT, FIGURE = (
+    "learning_curves.csv",
+    "summary.csv",
+    "summary.md",
+    "report.md",
+    "learning_curves",
+)
+# Of a case.
+WORKSPACE = "workspace"
+# Of a run.
+PROGRESS, TIMING, POLICY, DONE, CHECKPOINT = (
+    "progress.csv",
+    "timing.csv",
+    "policy.npz",
+    "done.json",
+    "checkpoint.npz",
+)
+# Of a search.
+SEARCH, JOURNAL, TRIALS = "search.yaml", "journal.log", "trials.csv"
+
+
+def run_folder(folder: Path, case: str, seed: int) -> Path:
+    """Where the files of a run lie in the folder of its experiment."""
+    return folder / case / f"seed_{seed}"
+
+
+def run_of(path: Path) -> tuple[str, int]:
+    """The case and the seed of a run's folder."""
+    return path.parent.name, int(path.name.removeprefix("seed_"))

@@ -1,0 +1,74 @@
+"""One lock for every folder that is written to: of a run and of an experiment.
+
+The lock is on a file in the folder, not on the folder itself: on a network file system only locks of files are seen by
+other hosts. It ends with the process that holds it, however that ends.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from tltlrl.errors import UserError
+from tltlrl.store.layout import LOCK
+
+RETRY_SECONDS = 0.05
+
+
+class BusyError(UserError):
+    """Another process holds the folder.
+
+    Attributes:
+      holder: its number, or "unknown".
+    """
+
+    def __init__(self, folder: Path, holder: str) -> None:
+        super().__init__(f"process {holder} is working in {folder}")
+        self.holder = holder
+
+
+@contextlib.contextmanager
+def held(folder: Path, patience: float = 0.0) -> Iterator[None]:
+    """Holds a folder, which is made if there is none, for this process.
+
+    Args:
+      folder: whose `.lock` is locked; a link in its place is not followed.
+      patience: seconds to wait for another process to end.
+
+    Raises:
+      BusyError: if another process holds it for longer.
+      UserError: if the folder cannot be written, or its file system has no locks.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
+    except OSError as error:
+        raise UserError(f"{folder} cannot be written ({error.strerror}); set another runs_dir=...") from error
+    try:
+        _wait(folder, descriptor, time.monotonic() + patience)
+        os.ftruncate(descriptor, 0)
+        os.pwrite(descriptor, f"{os.getpid()}\n".encode(), 0)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def _wait(folder: Path, descriptor: int, deadline: float) -> None:
+    while True:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return
+        except BlockingIOError as error:
+            if time.monotonic() >= deadline:
+                holder = os.pread(descriptor, 20, 0).decode("ascii", errors="replace").strip()
+                raise BusyError(folder, holder if holder.isdecimal() else "unknown") from error
+            time.sleep(RETRY_SECONDS)
+        except OSError as error:
+            raise UserError(
+                f"{folder}: files cannot be locked there ({error.strerror}); set runs_dir=... to a file system that "
+                "has locks (flock)"
+            ) from error

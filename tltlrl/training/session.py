@@ -1,0 +1,163 @@
+"""One run from wherever it stands to its end: resume, iterate, checkpoint, judge."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import dataclasses
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+
+from tltlrl.errors import UserError
+from tltlrl.learning.policy import Policy
+from tltlrl.store.files import clear_leftovers, naming, write_bytes
+from tltlrl.store.layout import DONE, PROGRESS, TIMING
+from tltlrl.store.lock import BusyError, held
+from tltlrl.store.run import (
+    Checkpoint,
+    DamagedError,
+    drop_checkpoint,
+    first_rows,
+    read_checkpoint,
+    read_policy,
+    read_results,
+    write_checkpoint,
+    write_results,
+)
+from tltlrl.training.build import first_policy, set_up
+from tltlrl.training.loop import iterate
+from tltlrl.training.study import Run
+from tltlrl.training.verdict import judge
+
+CHECKPOINT_SECONDS = 2.0
+LOCK_SECONDS = 10.0  # a worker whose command was killed ends within a few
+
+
+def train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
+    """Does what is missing of a run: progress.csv, timing.csv, policy.npz and, last, done.json.
+
+    Args:
+      run: what to do.
+      folder: where; a run that was stopped is resumed from the checkpoint in it.
+      report: called with the number of finished iterations.
+
+    Raises:
+      ValueError: if a return is not a number; the folder keeps what was done before.
+      UserError: if another process, such as a remote worker that outlived its command, still computes this run.
+    """
+    try:
+        with held(folder, LOCK_SECONDS):
+            clear_leftovers(folder)
+            with contextlib.suppress(DamagedError):
+                if read_results(folder, run.identity()) is not None:
+                    drop_checkpoint(folder)
+                    return
+            (folder / DONE).unlink(missing_ok=True)
+            _train(run, folder, report)
+    except BusyError as error:
+        raise UserError(f"{folder}: another process still computes this run; stop it, and start again") from error
+
+
+def _train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
+    setup, identity = set_up(run), run.identity()
+    state = setup.learner.start(first_policy(setup.task, run.algorithm))
+    first, env_steps, state = resume(folder, identity, state)
+    same = {
+        "task": setup.task.name,
+        "case": run.case.name,
+        "reward": run.case.reward,
+        "algorithm": run.case.learner,
+        "seed": run.seed,
+    }
+    last_checkpoint = time.monotonic()
+    with (
+        naming(folder / PROGRESS),
+        open(folder / PROGRESS, "a", newline="") as progress,
+        open(folder / TIMING, "a", newline="") as timing,
+    ):
+        for i in range(first, run.algorithm.iterations):
+            start = time.perf_counter()
+            result = iterate(run, setup, state, i)
+            state = result.state
+            env_steps += result.env_steps
+            counts = {"iteration": i, "episodes": (i + 1) * run.algorithm.samples, "env_steps": env_steps}
+            _write_row(progress, same | counts | result.record, header=i == 0)
+            seconds = time.perf_counter() - start
+            row = {"iteration": i, "seconds": seconds, "physics_seconds": result.physics_seconds}
+            _write_row(timing, row, header=i == 0)
+            report(i + 1)
+            if time.monotonic() - last_checkpoint > CHECKPOINT_SECONDS:
+                progress.flush()
+                timing.flush()
+                write_checkpoint(folder, identity, Checkpoint(i + 1, env_steps, arrays_of(state)))
+                last_checkpoint = time.monotonic()
+    policy = setup.learner.policy(state)
+    write_results(folder, identity, arrays_of(policy), judge(run, setup, policy))
+
+
+def _write_row(file: TextIO, row: dict[str, Any], header: bool) -> None:
+    writer = csv.DictWriter(file, row, lineterminator="\n")
+    if header:
+        writer.writeheader()
+    writer.writerow(row)
+
+
+def resume(folder: Path, identity: str, start: Any) -> tuple[int, int, Any]:
+    """Iterations done, the samples in them and the learner's state; cuts the CSV files back to the checkpoint.
+
+    Without a checkpoint, or with one that a run cannot be resumed from, the run starts again from `start`.
+    """
+    try:
+        saved = read_checkpoint(folder, identity)
+        state = saved and from_arrays(start, saved.state)
+    except DamagedError:  # the command has said so; see tltlrl.experiments.experiment.survey
+        saved = state = None
+    if saved is None or state is None:
+        drop_checkpoint(folder)
+        for name in (PROGRESS, TIMING):
+            (folder / name).unlink(missing_ok=True)
+        return 0, 0, start
+    for name in (PROGRESS, TIMING):
+        write_bytes(folder / name, first_rows(folder / name, saved.iteration))
+    return saved.iteration, saved.env_steps, state
+
+
+def arrays_of(state: Any) -> dict[str, np.ndarray]:
+    """The fields of a dataclass of arrays and numbers, by name."""
+    return {field.name: np.asarray(getattr(state, field.name)) for field in dataclasses.fields(state)}
+
+
+def from_arrays(like: Any, arrays: Any) -> Any:
+    """A state with the fields of `like`, from what `arrays_of` gave; numbers become numbers again.
+
+    Raises:
+      DamagedError: if a field is missing or one is too much.
+    """
+    names = [field.name for field in dataclasses.fields(like)]
+    if set(names) != set(arrays):
+        raise DamagedError("the checkpoint is of another learner")
+    values = {
+        name: arrays[name] if isinstance(getattr(like, name), np.ndarray) else arrays[name].item() for name in names
+    }
+    return type(like)(**values)
+
+
+def learned_policy(folder: Path) -> Policy:
+    """The policy that a finished run has left.
+
+    Raises:
+      DamagedError: if policy.npz cannot be read, or is not that of a policy.
+    """
+    saved = read_policy(folder)
+    try:
+        gain, mean, covariance = (saved[name].astype(np.float64) for name in ("gain", "mean", "covariance"))
+        (steps, d) = mean.shape
+        if gain.shape[0] != d or gain.ndim != 2 or covariance.shape != (steps, d, d):
+            raise ValueError(f"arrays of the shapes {gain.shape}, {mean.shape} and {covariance.shape} are no policy")
+        return Policy(gain, mean, covariance, float(saved["correlation"]))
+    except (KeyError, ValueError, TypeError) as error:
+        raise DamagedError(f"policy.npz cannot be read ({error})") from error

@@ -1,0 +1,63 @@
+"""What a learned policy is worth: the robustness of its mean motion, and trials with the actuators' noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tltlrl.learning.policy import Policy
+from tltlrl.logic import reasons
+from tltlrl.simulation.rollout import Simulator
+from tltlrl.simulation.trials import mean_motion, trials
+from tltlrl.tasks.task import Signals
+from tltlrl.training.build import Setup, make_evaluation_task
+from tltlrl.training.study import Run
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Trials:
+    """Trials of a learned policy, in the evaluation scene, with the actuators' noise.
+
+    Attributes:
+      robustness: of each trial, shape (count,).
+      outcomes: what the task judges by other means than the spec: name -> whether, shape (count,).
+      signals, lengths: of the trials, for explanations.
+    """
+
+    robustness: Array
+    outcomes: dict[str, NDArray[np.bool_]]
+    signals: Signals
+    lengths: NDArray[np.int64]
+
+
+def try_policy(run: Run, policy: Policy, count: int, rng: np.random.Generator) -> Trials:
+    """`count` trials of the mean policy."""
+    task = make_evaluation_task(run)
+    motion = trials(Simulator(task), policy, count, rng)
+    signals = task.signals(motion.features, motion.commands)
+    robustness = run.spec.robustness(signals, motion.lengths)
+    return Trials(robustness, task.outcomes(motion.last_qpos, motion.last_qvel), signals, motion.lengths)
+
+
+def judge(run: Run, setup: Setup, policy: Policy) -> dict[str, Any]:
+    """The content of done.json, as plain data."""
+    motion = mean_motion(setup.simulator, policy)
+    why = run.spec.explain(setup.task.signals(motion.features, motion.commands), motion.lengths)
+    of_policy = why[0].value
+    rng = np.random.default_rng([run.seed, run.algorithm.iterations, run.trials])
+    tried = try_policy(run, policy, run.trials, rng)
+    return {
+        "iterations": run.algorithm.iterations,
+        "robustness_policy": of_policy,
+        "satisfied": of_policy > 0,
+        "trials": run.trials,
+        "successes": int(np.sum(tried.robustness > 0)),
+        "outcomes": {name: int(np.sum(values)) for name, values in tried.outcomes.items()},
+        "why_policy_fails": reasons.to_json(reasons.failed(why)),
+        "why_trials_fail": reasons.to_json(reasons.failed(run.spec.explain(tried.signals, tried.lengths))),
+    }
