@@ -19,6 +19,7 @@ FLOORS = (
     ("errors", "registry", "resources", "settings", ""),  # the ground: modules of tltlrl itself, "" is its __init__
 )
 FLOOR_OF = {room: len(FLOORS) - i for i, rooms in enumerate(FLOORS) for room in rooms}
+GROUND = 1  # its modules may import each other
 MODULES = {
     ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
     for path in sorted((ROOT / "tltlrl").rglob("*.py"))
@@ -31,14 +32,12 @@ def room(module):
     return module.split(".")[1] if "." in module else ""
 
 
-def imports(name, late=True):
-    """Modules of tltlrl that a module imports, at its head or, if `late`, anywhere; not for type checking alone."""
+def imports(name):
+    """Modules of tltlrl that a module imports, at its head or in a function; not those for type checking alone."""
     found = set()
 
     def visit(node):
         if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
-            return
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda) and not late:
             return
         if isinstance(node, ast.Import):
             found.update(alias.name for alias in node.names if alias.name in MODULES)
@@ -61,13 +60,10 @@ def test_every_part_of_the_house_has_its_floor():
 
 @pytest.mark.parametrize("name", MODULES)
 def test_arrows_run_downwards_only(name):
-    """Late imports count, too; only tltlrl's own __init__ reaches up, for its lazy names."""
-    own = room(name)
+    """Late imports count, too, but for the names that tltlrl's own __init__ gives by importlib."""
+    own = FLOOR_OF[room(name)]
     wrong = {
-        other
-        for other in imports(name)
-        if room(other) != own
-        and ((FLOOR_OF[room(other)] >= FLOOR_OF[own] and FLOOR_OF[own] > 1) or FLOOR_OF[room(other)] > FLOOR_OF[own])
+        other for other in imports(name) if room(other) != room(name) and FLOOR_OF[room(other)] >= max(own, GROUND + 1)
     }
     assert not wrong, f"{name} imports {', '.join(sorted(wrong))}"
 
