@@ -22,15 +22,16 @@ $(READY): pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
 	@touch $@
 
-## make reproduce-figures: figures 3.3 and 3.4 and the smoothness of toast_smooth.tltl, at the case study's full budget, into runs/
+## make reproduce-figures: figures 3.3 and 3.4, the case study's claims and the smoothness of toast_smooth.tltl, at the case study's full budget, into runs/
 reproduce-figures: $(READY)
 	$(BIN)/tltl-run experiment=reach_avoid runs_dir=$(RUNS) $(OVERRIDES)
 	$(BIN)/tltl-run experiment=visit_in_order runs_dir=$(RUNS) $(OVERRIDES)
 	$(BIN)/tltl plot $(RUNS)/reach_avoid $(RUNS)/visit_in_order --output $(RUNS)/figure_3_3
 	$(BIN)/tltl-run experiment=toast runs_dir=$(RUNS) $(OVERRIDES)
 	$(BIN)/tltl plot $(RUNS)/toast --output $(RUNS)/figure_3_4
-	$(BIN)/tltl-run experiment=toast name=toast_smooth spec=toast_smooth.tltl cases=[tltl_episodic] runs_dir=$(RUNS) $(OVERRIDES)
-	$(BIN)/python -m benchmarks.smoothness $(RUNS)/toast $(RUNS)/toast_smooth --output $(RUNS)/smoothness.csv | tee $(RUNS)/smoothness.txt
+	$(BIN)/tltl-run experiment=toast name=toast_smooth spec=toast_smooth.tltl 'cases=[tltl_episodic]' runs_dir=$(RUNS) $(OVERRIDES)
+	$(BIN)/python -m studies.smoothness $(RUNS)/toast $(RUNS)/toast_smooth --output $(RUNS)/smoothness.csv | tee $(RUNS)/smoothness.txt
+	$(BIN)/python -m studies.claims $(RUNS)/reach_avoid $(RUNS)/visit_in_order $(RUNS)/toast
 
 ## make test: lint, types, tests, and a short run of each experiment through the real command
 test: lint types
@@ -53,11 +54,11 @@ fuzz: $(READY)
 
 ## make kill: tltl-run killed at 3 x 20 moments of its writing, with one and two workers, and started again (TLTL_KILLS=20)
 kill: $(READY)
-	TLTL_KILLS=$${TLTL_KILLS:-20} $(BIN)/python -m pytest -s tests/test_killed.py
+	TLTL_KILLS=$${TLTL_KILLS:-20} $(BIN)/python -m pytest -s tests/store/test_killed.py
 
-## make grid-search: coefficients of the hand-made rewards on seeds of their own, into docs/grid_search_*.csv
+## make grid-search: coefficients of the hand-made rewards on seeds of their own, into studies/grid_search_*.csv
 grid-search: $(READY)
-	$(BIN)/python -m benchmarks.grid_search reach_avoid visit_in_order toast
+	$(BIN)/python -m studies.grid_search reach_avoid visit_in_order toast
 
 ## make clean: remove the environment and the caches; results in runs/ stay
 clean:

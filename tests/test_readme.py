@@ -59,6 +59,7 @@ def test_reproduce_figures_in_small(tmp_path):
         "reach_avoid/report.md",
         "visit_in_order/report.md",
         "smoothness.csv",
+        "toast/claims.md",
     ):
         assert (tmp_path / name).stat().st_size > 0
 

@@ -7,6 +7,7 @@ if TYPE_CHECKING:
     from tltlrl.logic import SpecError, TraceError, load_spec, parse_spec
     from tltlrl.tasks import load_task
 
+__version__ = "0.2.0"
 __all__ = ["SpecError", "TraceError", "load_spec", "load_task", "parse_spec"]
 
 

@@ -2,7 +2,6 @@
 
 import contextlib
 import csv
-import importlib.metadata
 import itertools
 import json
 import os
@@ -18,6 +17,7 @@ import psutil  # of distributed
 import pytest
 import yaml
 
+import tltlrl
 from tltlrl.cli import main as cli
 from tltlrl.experiments import manifest
 from tltlrl.resources import SPECS
@@ -570,7 +570,7 @@ def test_the_version_is_tltlrls(capsys):
     assert cli.run(["--version"]) == 0
     with pytest.raises(SystemExit, match="0"):
         cli.main(["--version"])
-    assert capsys.readouterr().out == f"tltlrl {importlib.metadata.version('tltlrl')}\n" * 2
+    assert capsys.readouterr().out == f"tltlrl {tltlrl.__version__}\n" * 2
 
 
 def test_the_commands_answer_ctrl_c_before_they_import_what_takes_time(tmp_path):

@@ -6,13 +6,13 @@ What takes time to import is imported by the functions that need it: Ctrl-C is a
 from __future__ import annotations
 
 import argparse
-import importlib.metadata
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import tltlrl
 from tltlrl.config.compose import GROUPS, compose, searchpath
 from tltlrl.errors import UserError
 
@@ -112,7 +112,7 @@ def _refuse(option: str, arguments: list[str]) -> None:
 
 
 def _version() -> str:
-    return f"tltlrl {importlib.metadata.version('tltlrl')}"
+    return f"tltlrl {tltlrl.__version__}"
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -12,7 +12,6 @@ from scipy.stats import binomtest
 
 from tltlrl.config.read import Experiment
 from tltlrl.logic.reasons import from_json, merge
-from tltlrl.reports.claims import claim_lines
 from tltlrl.reports.plotting import CURVES, FORMATS, plot_learning_curves
 from tltlrl.reports.workspace import WORKSPACE, drawable
 from tltlrl.store.files import write_text
@@ -117,11 +116,10 @@ def report_page(
     finished: Mapping[Path, Mapping[str, Any]],
     failures: Mapping[str, str],
 ) -> str:
-    """report.md: the summary, the figures, the case study's claims, what failed and why, and the settings."""
+    """report.md: the summary, the figures, what failed and why, and the settings."""
     lines = [
         summary_page(experiment, summary, failures),
         f"![Learning curves]({FIGURE}.png)",
-        *claim_lines(summary),
         *bottleneck_lines(finished),
         *picture_lines(experiment, finished),
         *trial_lines(summary, finished),

@@ -33,7 +33,7 @@ def render_motion(run: Run, policy: Policy, path: Path) -> None:
 
     Args:
       run: what was learned.
-      policy: by it.
+      policy: learned by the run.
       path: without suffix.
 
     Raises:

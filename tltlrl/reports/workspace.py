@@ -34,7 +34,7 @@ def draw_workspace(run: Run, policy: Policy, path: Path, count: int = 20) -> Non
 
     Args:
       run: of a planar task.
-      policy: learned by it.
+      policy: learned by the run.
       path: without suffix.
       count: sampled paths, with the policy's remaining exploration and the actuators' noise.
     """

@@ -5,7 +5,7 @@ noisy trials that summary.csv counts (the same draws, in the evaluation scene): 
 sample to the next, of the joint velocities (acceleration) and of the joints' commanded speeds (the gripper's command
 is left out); and the robustness by the spec of each folder. The policy at the start is measured beside them.
 
-    python -m benchmarks.smoothness runs/toast runs/toast_smooth --output smoothness.csv
+    python -m studies.smoothness runs/toast runs/toast_smooth --output smoothness.csv
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The studies in benchmarks/ train what the product trains, and their rules are what they say."""
+"""The studies train what the product trains, and their rules are what they say."""
 
 import dataclasses
 import json
@@ -7,12 +7,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from benchmarks import covariance, grid_search, smoothness
-from benchmarks.lockstep import Kinematic, Learner, train
+from studies import covariance, grid_search, smoothness
+from studies.claims import claim_lines
+from studies.lockstep import Kinematic, Learner, train
 from tltlrl.cli import main as cli
 from tltlrl.config.read import experiment_from
 from tltlrl.learning.reps import fit
-from tltlrl.reports.claims import claim_lines
 from tltlrl.reports.report import summary_page
 from tltlrl.simulation.rollout import Simulator
 from tltlrl.training.loop import initial_policy, iterate
@@ -152,17 +152,18 @@ def test_every_rule_can_be_named_on_the_command_line():
 
 
 def test_pages_show_the_tables_of_their_csv_files():
-    docs = covariance.RESULTS.parent
+    studies = covariance.RESULTS.parent
+    docs = studies.parent / "docs"
     rows = pd.read_csv(covariance.RESULTS)
     page = (docs / "covariance.md").read_text()
     overviews = "\n".join(covariance.overview(part) for _, part in rows.groupby("physics"))
     for line in (overviews + covariance.table(rows)).splitlines():
         assert line in page, line
     results = (docs / "results.md").read_text()
-    toast = pd.read_csv(docs / "toast.csv").query("spec == 'toast.tltl'").drop(columns="spec")
+    toast = pd.read_csv(studies / "toast.csv").query("spec == 'toast.tltl'").drop(columns="spec")
     for line in summary_page(experiment_from(cli.compose(["experiment=toast"])), toast, {}).splitlines():
         assert not line.startswith("|") or line in (docs / "toast-notes.md").read_text(), line
-    for task, summary in pd.read_csv(docs / "results.csv").groupby("task"):
+    for task, summary in pd.read_csv(studies / "results.csv").groupby("task"):
         assert "\n".join(claim_lines(summary)).replace("## ", "### ").strip() in results, task
         experiment = experiment_from(cli.compose([f"experiment={task}"]))
         for line in summary_page(experiment, summary, {}).splitlines():

@@ -1,9 +1,9 @@
 """The covariance study: what makes REPS converge on both planar tasks; docs/covariance.md has its results.
 
-    python -m benchmarks.covariance run --task reach_avoid --settings published damped --seeds 10
-    python -m benchmarks.covariance table
+    python -m studies.covariance run --task reach_avoid --settings published damped --seeds 10
+    python -m studies.covariance table
 
-`run` appends one row per seed to docs/covariance.csv, `table` prints the CSV as tables.
+`run` appends one row per seed to studies/covariance.csv, `table` prints the CSV as tables.
 
 Each rule is a function from weighted samples to the next Gaussian of every step. Written for one step, with weights
 p_i, samples delta_i, old mean k and covariance S, and k' = sum_i p_i delta_i throughout but for `bounded`.
@@ -24,14 +24,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from benchmarks.lockstep import Array, Fit, Kinematic, Learner, train
+from studies.lockstep import Array, Fit, Kinematic, Learner, train
 from tltlrl.config.compose import compose
 from tltlrl.config.read import experiment_from
 from tltlrl.learning.reps import fit
 from tltlrl.simulation.rollout import Simulator
 from tltlrl.training.loop import initial_policy
 
-RESULTS = Path(__file__).parent.parent / "docs" / "covariance.csv"
+RESULTS = Path(__file__).parent / "covariance.csv"
 DIMENSIONS = 3  # joint-velocity commands of the planar arm
 COMMAND = 2.0  # their full size, rad/s
 OVERVIEW_SEEDS = 10  # 0 .. 9, those that every setting of the overview was run on

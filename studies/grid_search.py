@@ -2,12 +2,12 @@
 
 Only ratios matter, since returns are normalised: the first coefficient stays fixed. Episode-based and step-based REPS
 are searched apart, on seeds that no reported experiment uses. Every point of the grid is trained at the full budget:
-of the planar tasks in the kinematic model of their arm (see benchmarks.lockstep), then the best ones of the continuous
+of the planar tasks in the kinematic model of their arm (see studies.lockstep), then the best ones of the continuous
 reward again in MuJoCo; of the toast task in MuJoCo at once, then the best ones again with more seeds. Of the discrete
 reward it is only asked whether its relative sizes matter. A point is judged by the spec's robustness of the final mean
-policy, averaged over the seeds. The full table goes to docs/grid_search_<task>.csv.
+policy, averaged over the seeds. The full table goes to studies/grid_search_<task>.csv.
 
-    python -m benchmarks.grid_search reach_avoid visit_in_order toast
+    python -m studies.grid_search reach_avoid visit_in_order toast
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from typing import Any
 
 import pandas as pd
 
-from benchmarks.lockstep import Kinematic, Learner, train
+from studies.lockstep import Kinematic, Learner, train
 from tltlrl.config.compose import compose
 from tltlrl.config.read import experiment_from
 from tltlrl.learning.reps import fit
 from tltlrl.simulation.rollout import Simulator
 from tltlrl.training.loop import Run, initial_policy
 
-DOCS = Path(__file__).parent.parent / "docs"
+STUDIES = Path(__file__).parent
 SEEDS = (100, 101, 102, 103)
 MORE_SEEDS = tuple(range(104, 116))  # of the finalists of a task whose points differ less than its seeds
 FINALISTS = {"reach_avoid": 2, "visit_in_order": 2, "toast": 4}
@@ -122,7 +122,7 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--iterations", type=int, help="fewer than the experiment's, for a trial")
     parser.add_argument("--finalists", type=int, help="points trained again")
     parser.add_argument("--seeds", nargs="+", type=int, default=SEEDS)
-    parser.add_argument("--output", type=Path, default=DOCS)
+    parser.add_argument("--output", type=Path, default=STUDIES)
     a = parser.parse_args(arguments)
     for task in a.tasks:
         tables = []

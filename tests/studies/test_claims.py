@@ -1,7 +1,7 @@
 import pandas as pd
 import pytest
 
-from tltlrl.reports.claims import CLAIMS, claim_lines
+from studies.claims import CLAIMS, claim_lines, main
 from tltlrl.tasks import TASKS
 
 
@@ -110,3 +110,30 @@ def test_claims_are_made_of_their_own_tasks_only():
 
 def test_one_case_alone_claims_nothing():
     assert claim_lines(summary("reach_avoid", tltl_episodic=[0.2])) == []
+
+
+def test_the_command_writes_a_page_beside_each_summary(tmp_path, capsys):
+    for task in ("reach_avoid", "toast"):
+        (tmp_path / task).mkdir()
+        table = summary(task, tltl_episodic=[0.2, 0.1], continuous_episodic=[-0.1, -0.2])
+        table.to_csv(tmp_path / task / "summary.csv", index=False)
+    assert main([str(tmp_path / "reach_avoid"), str(tmp_path / "toast")]) == 0
+    page = (tmp_path / "toast/claims.md").read_text()
+    assert page.startswith("# toast\n\n## What the case study claims\n")
+    assert "**confirmed (n = 2)**" in page
+    assert page in capsys.readouterr().out
+
+
+def test_cases_of_which_nothing_is_claimed(tmp_path):
+    summary("reach_avoid", tltl_episodic=[0.2]).to_csv(tmp_path / "summary.csv", index=False)
+    assert main([str(tmp_path)]) == 0
+    assert (tmp_path / "claims.md").read_text().endswith("The case study claims nothing of these cases.\n")
+
+
+def test_a_folder_without_a_summary_is_told_and_nothing_is_written(tmp_path, capsys):
+    summary("reach_avoid", tltl_episodic=[0.2]).to_csv(tmp_path / "summary.csv", index=False)
+    assert main([str(tmp_path), str(tmp_path / "none")]) == 2
+    assert capsys.readouterr().err == (
+        f"{tmp_path / 'none'} holds no summary.csv; tltl-run writes it when a run has finished\n"
+    )
+    assert not (tmp_path / "claims.md").exists()

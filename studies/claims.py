@@ -1,14 +1,25 @@
-"""What the case study says of its results (section 3.3.4), each claim with a criterion and the measured answer."""
+"""What the case study says of its results (section 3.3.4), each claim with a criterion and the measured answer.
+
+    python -m studies.claims runs/reach_avoid runs/visit_in_order runs/toast
+
+reads summary.csv in the folder of each experiment, writes claims.md beside it and prints it.
+"""
 
 from __future__ import annotations
 
+import argparse
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import pandas as pd
 
 from tltlrl.reports.comparison import EXACT_PAIRS, Comparison, compare
+from tltlrl.reports.report import SUMMARY
+from tltlrl.store.files import write_text
 
+PAGE = "claims.md"
 TLTL = "tltl_episodic"
 RATE, FINAL = "robustness_mean_over_run", "robustness_policy"
 SIGNIFICANT = 0.05
@@ -190,7 +201,7 @@ CLAIMS = (
 
 
 def claim_lines(summary: pd.DataFrame) -> list[str]:
-    """The claims about this summary's task, as lines of report.md."""
+    """The claims about this summary's task, as lines of claims.md; none if the cases they speak of are not there."""
     task = summary["task"].iloc[0]
     lines = []
     for claim in CLAIMS:
@@ -272,3 +283,29 @@ def _table(rows: list[Comparison]) -> list[str]:
         ),
         "",
     ]
+
+
+def page(name: str, summary: pd.DataFrame) -> str:
+    """claims.md of the experiment `name`."""
+    lines = claim_lines(summary) or ["", "The case study claims nothing of these cases.", ""]
+    return "\n".join([f"# {name}", *lines])
+
+
+def main(arguments: list[str]) -> int:
+    """The command line; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="python -m studies.claims", description="The case study's claims, judged.")
+    parser.add_argument("folders", nargs="+", type=Path, help="folders of experiments such as runs/reach_avoid")
+    folders = parser.parse_args(arguments).folders
+    for folder in folders:
+        if not (folder / SUMMARY).is_file():
+            print(f"{folder} holds no {SUMMARY}; tltl-run writes it when a run has finished", file=sys.stderr)
+            return 2
+    for folder in folders:
+        text = page(folder.resolve().name, pd.read_csv(folder / SUMMARY))
+        write_text(folder / PAGE, text)
+        print(text)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
