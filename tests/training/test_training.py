@@ -7,7 +7,8 @@ import pytest
 from tltlrl.store.record import read_policy
 
 from tltlrl.config.compose import compose
-from tltlrl.config.read import experiment_from
+from tltlrl.config.read import read
+from tltlrl.errors import UserError
 from tltlrl.learning.reps import reward_to_go, solve_dual
 from tltlrl.simulation.rollout import Simulator
 from tltlrl.training import loop as training
@@ -20,7 +21,7 @@ SETTINGS = (
 
 
 def runs(*overrides):
-    return {run.case.name: run for run in experiment_from(compose([*SETTINGS, *overrides])).runs()}
+    return {run.case.name: run for run in read(compose([*SETTINGS, *overrides]))[0].runs()}
 
 
 @pytest.fixture(scope="module")
@@ -35,25 +36,25 @@ def test_step_based_reps_has_coefficients_of_its_own():
         run = changed[case]
         obstacles = run.spec.constants["obstacle"].values()
         expected = -np.linalg.norm(run.spec.constants["goal"]) + c2 * sum(np.linalg.norm(o) for o in obstacles)
-        np.testing.assert_allclose(run.make_task().rewards["continuous"](ee), [[expected]])
+        np.testing.assert_allclose(make_reward(run)(ee)[0], [[expected]])
 
 
 def by_hand(run, iteration=0):
     """The sampled trajectories of the first policy's iteration, rebuilt from the definition."""
-    task = run.make_task()
-    simulator, policy = Simulator(task), initial_policy(task, run.algorithm)
+    setup = set_up(run)
+    task, simulator, policy = setup.task, setup.simulator, first_policy(setup.task, run.algorithm)
     rng = np.random.default_rng([run.seed, iteration])
     offsets = policy.sample(run.algorithm.samples, rng)
     noise = simulator.draw_command_noise(run.algorithm.samples, rng)
     trajectories = simulator.rollout(policy.gain, offsets, noise)
-    return task, simulator, policy, offsets, task.signals(trajectories.features, trajectories.commands)
+    return setup, policy, offsets, task.signals(trajectories.features, trajectories.commands)
 
 
 def test_every_cases_robustness_is_of_its_own_samples_by_the_same_spec(cases):
     for run in cases.values():
-        task, simulator, policy, _, signals = by_hand(run)
+        setup, policy, _, signals = by_hand(run)
         robustness = run.spec.robustness(signals)
-        record = iterate(run, task, simulator, policy, 0).record
+        record = iterate(run, setup, policy, 0).record
         np.testing.assert_allclose(record["robustness_mean"], robustness.mean(), atol=1e-9)
         np.testing.assert_allclose(record["robustness_std"], robustness.std(), atol=1e-9)
         np.testing.assert_allclose(record["robustness_min"], robustness.min(), atol=1e-9)
@@ -63,26 +64,26 @@ def test_every_cases_robustness_is_of_its_own_samples_by_the_same_spec(cases):
 
 def test_each_case_learns_from_its_own_reward(cases):
     for name, run in cases.items():
-        task, simulator, policy, offsets, signals = by_hand(run)
-        result = iterate(run, task, simulator, policy, 0)
+        setup, policy, offsets, signals = by_hand(run)
+        result = iterate(run, setup, policy, 0)
         if run.case.reward == "tltl":
             returns = run.spec.robustness(signals)
         else:
-            rewards = task.rewards[run.case.reward](signals)
+            rewards, _ = setup.reward(signals)
             returns = rewards.sum(axis=1)
         np.testing.assert_allclose(result.record["return_mean"], returns.mean(), atol=1e-9)
-        scores = reward_to_go(rewards).T if run.case.algorithm == "step" else returns[None]
-        weights = np.broadcast_to(solve_dual(scores, 0.5).weights, (task.steps, 7))
+        scores = reward_to_go(rewards).T if run.case.learner == "step" else returns[None]
+        weights = np.broadcast_to(solve_dual(scores, 0.5).weights, (setup.task.steps, 7))
         expected = np.einsum("ti,itd->td", weights, offsets)
-        np.testing.assert_allclose(result.policy.mean, expected, atol=1e-6, err_msg=name)
+        np.testing.assert_allclose(result.state.mean, expected, atol=1e-6, err_msg=name)
 
 
 def test_the_policys_robustness_is_that_of_the_noise_free_mean(cases):
     run = cases["tltl_episodic"]
-    task, simulator, policy, _, _ = by_hand(run)
-    motion = simulator.rollout(policy.gain, policy.mean[None], np.zeros((1, 30, 3)))
-    expected = run.spec.robustness(task.signals(motion.features, motion.commands))[0]
-    record = iterate(run, task, simulator, policy, 0).record
+    setup, policy, _, _ = by_hand(run)
+    motion = setup.simulator.rollout(policy.gain, policy.mean[None], np.zeros((1, 30, 3)))
+    expected = run.spec.robustness(setup.task.signals(motion.features, motion.commands))[0]
+    record = iterate(run, setup, policy, 0).record
     np.testing.assert_allclose(record["robustness_policy"], expected, atol=1e-9)
 
 
@@ -97,7 +98,7 @@ def test_stopped_after_any_iteration_it_ends_with_the_same_bytes(
 ):
     run = cases["continuous_step"]
     train(run, tmp_path / "undisturbed", lambda _: None)
-    monkeypatch.setattr(training, "CHECKPOINT_SECONDS", checkpoint_seconds)
+    monkeypatch.setattr(session, "CHECKPOINT_SECONDS", checkpoint_seconds)
 
     def stop(iteration):
         if iteration == stop_at:
@@ -118,7 +119,7 @@ def test_stopped_after_any_iteration_it_ends_with_the_same_bytes(
 def test_a_damaged_checkpoint_starts_the_run_again(cases, tmp_path, monkeypatch, damage):
     run = cases["tltl_episodic"]
     train(run, tmp_path / "undisturbed", lambda _: None)
-    monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
+    monkeypatch.setattr(session, "CHECKPOINT_SECONDS", 0.0)
 
     def stop(iteration):
         if iteration == 4:
@@ -152,7 +153,7 @@ def test_done_counts_the_successful_trials(cases, tmp_path):
     train(cases["tltl_episodic"], tmp_path, lambda _: None)
     done = json.loads((tmp_path / "done.json").read_text())
     assert done["trials"] == 4
-    run, policy = cases["tltl_episodic"], read_policy(tmp_path)
+    run, policy = cases["tltl_episodic"], learned_policy(tmp_path)
     rng = np.random.default_rng([run.seed, run.algorithm.iterations, run.trials])
     assert done["successes"] == np.sum(try_policy(run, policy, 4, rng).robustness > 0)
     assert done["satisfied"] == (done["robustness_policy"] > 0)
@@ -168,3 +169,19 @@ def test_reach_avoid_is_learned_in_short(rule, tmp_path):
     first, last = (dict(zip(rows[0].split(","), rows[i].split(","), strict=True)) for i in (1, -1))
     assert float(first["robustness_mean"]) < -1.5
     assert float(last["robustness_mean"]) > -0.6
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"iterations": 0}, "algorithm.iterations: 0 is too small; it must be at least 1"),
+        ({"samples": 1}, "algorithm.samples: 1 is too small; it must be at least 2"),
+        ({"initial_std": 0.0}, "algorithm.initial_std: 0.0 is too small; it must be above 0"),
+        ({"feedback": 1e7}, "algorithm.feedback: 10000000.0 is too large; it must be at most 1000000.0"),
+        ({"correlation": float("inf")}, "algorithm.correlation: inf is not a finite number"),
+    ],
+)
+def test_a_wrong_budget_is_refused_wherever_it_is_made(values, message):
+    with pytest.raises(UserError) as error:
+        AlgorithmConfig(**values)
+    assert str(error.value) == message
