@@ -15,8 +15,8 @@ import numpy as np
 from tltlrl.config.compose import compose
 from tltlrl.config.read import experiment_from
 from tltlrl.experiments.engine import run_all
-from tltlrl.learning.policy import Policy
 from tltlrl.learning.learner import Scores
+from tltlrl.learning.policy import Policy
 from tltlrl.learning.reps import EpisodeBased, RepsSettings
 from tltlrl.simulation.rollout import Simulator
 from tltlrl.tasks.task import CONTROL_TIMESTEP, environment

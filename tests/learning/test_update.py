@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tltlrl.learning.policy import Policy
 from tltlrl.learning.learner import Scores
+from tltlrl.learning.policy import Policy
 from tltlrl.learning.reps import EpisodeBased, RepsSettings, StepBased, fit, reward_to_go, solve_dual
 
 

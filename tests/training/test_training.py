@@ -4,15 +4,17 @@ import json
 
 import numpy as np
 import pytest
-from tltlrl.store.record import read_policy
 
 from tltlrl.config.compose import compose
 from tltlrl.config.read import read
 from tltlrl.errors import UserError
 from tltlrl.learning.reps import reward_to_go, solve_dual
-from tltlrl.simulation.rollout import Simulator
-from tltlrl.training import loop as training
-from tltlrl.training.loop import initial_policy, iterate, train, try_policy
+from tltlrl.training import session
+from tltlrl.training.build import first_policy, make_reward, set_up
+from tltlrl.training.loop import iterate
+from tltlrl.training.session import learned_policy, train
+from tltlrl.training.study import AlgorithmConfig
+from tltlrl.training.verdict import try_policy
 
 SETTINGS = (
     "experiment=reach_avoid", "seeds=[5]", "trials=4", "task.steps=30", "algorithm.iterations=6",

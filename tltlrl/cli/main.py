@@ -60,15 +60,15 @@ def _run(arguments: list[str]) -> int:
 
 
 def _start(settings: Mapping[str, Any], command: list[str]) -> int:
-    from tltlrl.config.read import experiment_from
+    from tltlrl.config.read import read
 
-    experiment = experiment_from(settings)
+    study, machinery = read(settings)
 
     from tltlrl.experiments.experiment import (
         run_experiment,  # pandas and matplotlib take a second that a mistake need not wait
     )
 
-    return 0 if run_experiment(experiment, command) else 1
+    return 0 if run_experiment(study, machinery, command) else 1
 
 
 class _Parser(argparse.ArgumentParser):
@@ -101,7 +101,7 @@ def _options(arguments: list[str]) -> argparse.Namespace:
 
 def _refuse(option: str, arguments: list[str]) -> None:
     """Says what to write in place of an option that does not exist."""
-    from tltlrl.config.read import KEYS
+    from tltlrl.config.keys import KEYS
 
     flag, _, value = option.partition("=")
     key = flag.lstrip("-").replace("-", "_")
@@ -167,9 +167,9 @@ def _evaluate(arguments: argparse.Namespace) -> int:
     import numpy as np
     from scipy.stats import binomtest
 
-    from tltlrl.config.read import MOST_TRIALS
     from tltlrl.experiments.experiment import open_run
-    from tltlrl.training.loop import try_policy
+    from tltlrl.training.study import MOST_TRIALS
+    from tltlrl.training.verdict import try_policy
 
     if not 1 <= arguments.trials <= MOST_TRIALS or arguments.seed < 0:
         raise UserError(f"--trials must lie between 1 and {MOST_TRIALS}, and --seed be at least 0")
@@ -191,12 +191,14 @@ def _evaluate(arguments: argparse.Namespace) -> int:
 def _render(arguments: argparse.Namespace) -> int:
     from tltlrl.experiments.experiment import open_run
     from tltlrl.reports.video import render_motion
-    from tltlrl.reports.workspace import WORKSPACE, draw_workspace, drawable
+    from tltlrl.reports.workspace import draw_workspace
+    from tltlrl.store.layout import WORKSPACE
+    from tltlrl.training.build import make_task
 
     run, policy = open_run(arguments.run)
     folder = arguments.output or arguments.run
     folder.mkdir(parents=True, exist_ok=True)
-    if drawable(run.task):
+    if make_task(run.task).skeleton is not None:
         draw_workspace(run, policy, folder / WORKSPACE)
         print(f"{folder}/{WORKSPACE}.png, .pdf: the paths")
     render_motion(run, policy, folder / "motion")
@@ -214,7 +216,7 @@ def _plot(arguments: argparse.Namespace) -> int:
 
 
 def _search(arguments: argparse.Namespace) -> int:
-    from tltlrl.config.read import experiment_from
+    from tltlrl.config.read import read
     from tltlrl.experiments.search import (
         Search,
         best_command,
@@ -233,7 +235,7 @@ def _search(arguments: argparse.Namespace) -> int:
     def configure(parameters: Mapping[str, Any]) -> dict[str, Any]:
         return compose([*fixed, *(f"{key}={value}" for key, value in parameters.items())])
 
-    search = Search(experiment_from(configure({})), tuple(fixed), space, distributions, configure, arguments.seed)
+    search = Search(*read(configure({})), tuple(fixed), space, distributions, configure, arguments.seed)
     table = run_search(search, arguments.trials, ["tltl", *sys.argv[1:]])
     ranked, failed = best_first(table), failures(table)
     if failed:

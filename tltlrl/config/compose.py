@@ -6,6 +6,7 @@ Hydra is imported by those functions that need it: a command has to answer Ctrl-
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -14,7 +15,7 @@ from typing import Any
 from tltlrl.errors import UserError, module_of, nearest
 from tltlrl.resources import CONFIGS
 
-GROUPS = ("experiment", "task", "reward", "algorithm", "engine")
+GROUPS = ("experiment", "task", "reward", "algorithm", "engine")  # chosen by the name of a file in configs/
 
 
 def compose(overrides: Sequence[str]) -> dict[str, Any]:
@@ -33,11 +34,38 @@ def compose(overrides: Sequence[str]) -> dict[str, Any]:
             written = f"{key}=[...]" if "(" in value else f"{key}=[{value}]"
             raise UserError(f"{key}={value}: a list is written {written}; several experiments with -m (see --help)")
     with complaints_told(overrides), initialized():
-        config = hydra_compose("config", [_addable(override) for override in overrides])
+        config = hydra_compose("config", [_addable(override) for override in completed(overrides)])
         settings: Any = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
     if "experiment" in settings:  # there is nothing to be found at this key
         raise UserError("experiment: the first line of the file that is chosen has to be `# @package _global_`")
     return dict(settings)
+
+
+def completed(overrides: Sequence[str]) -> list[str]:
+    """The overrides with what an experiment would add to them, where a task is given and no experiment.
+
+    A task of a package has no files in configs/: its settings' defaults stand in for them.
+    """
+    given = {key: value for key, _, value in (override.partition("=") for override in overrides)}
+    if "task" not in given or "experiment" in given:
+        return list(overrides)
+    from hydra.core.config_store import ConfigStore
+
+    from tltlrl.registry import TASKS
+
+    name = given["task"]
+    added = ["~experiment", f"+task={name}", *([] if "reward" in given else [f"+reward={name}"])]
+    if name in TASKS.names():
+        entry = TASKS.get(name)
+        if name not in names("task"):
+            store = ConfigStore.instance()
+            store.store(group="task", name=name, node=dataclasses.asdict(entry.config()))
+            store.store(group="reward", name=name, node=dataclasses.asdict(entry.reward()))
+        of_task = {"name": name, "cases": "[tltl_episodic]"} | ({"spec": entry.spec} if entry.spec else {})
+        added += [f"{key}={value}" for key, value in of_task.items() if key not in given]
+    groups = ("task", "reward")
+    kept = [f"+{o}" if o.partition("=")[0] in groups[1:] else o for o in overrides if o.partition("=")[0] != "task"]
+    return [*added, *kept]
 
 
 def parse(overrides: Sequence[str]) -> list[Any]:
@@ -163,7 +191,7 @@ def _explain_composition(error: Any, overrides: Sequence[str]) -> str:
 
 def _valid_keys(overrides: Sequence[str]) -> set[str]:
     """Every key of the chosen experiment's config, dotted, and the groups; none if it cannot be composed."""
-    from tltlrl.config.read import flatten
+    from tltlrl.config.keys import flatten
 
     try:
         config = compose([o for o in overrides if o.partition("=")[0] in (*GROUPS, "hydra.searchpath")])

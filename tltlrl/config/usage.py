@@ -1,14 +1,16 @@
-"""The page of `tltl-run --help`: every key of an experiment's config, its value, and what configs/ says it means."""
+"""The page of `tltl-run --help`: every key of an experiment's config, its value, and what it means."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 from tltlrl.config.compose import GROUPS, compose, names
-from tltlrl.resources import CONFIGS, SPECS
+from tltlrl.config.keys import KEYS, EngineConfig, algorithm_settings
+from tltlrl.registry import TASKS
+from tltlrl.resources import SPECS
+from tltlrl.settings import settings_of
+from tltlrl.tasks.task import TaskEntry
 
 WIDTH = 96
 
@@ -16,6 +18,7 @@ USAGE = """\
 tltl-run: learn a robot task from its temporal-logic spec, and compare rewards over seeds.
 
   tltl-run experiment=NAME [key=value ...]
+  tltl-run task=NAME spec=FILE [key=value ...]
 
 Examples
   tltl-run experiment=reach_avoid
@@ -60,32 +63,31 @@ def usage(overrides: Sequence[str]) -> str:
 
 
 def _described(settings: Mapping[str, Any]) -> list[str]:
-    meanings = _comments(CONFIGS / "config.yaml")
+    entry: TaskEntry = TASKS.get(settings["task"]["name"])
+    sections = {
+        "task": settings_of(entry.config),
+        "reward": settings_of(entry.reward),
+        "algorithm": algorithm_settings(()),
+        "engine": settings_of(EngineConfig),
+    }
     lines = []
     for key, value in settings.items():
-        if key not in GROUPS:
-            lines += _line(key, value, meanings.get(key))
+        if key not in sections:
+            lines += _line(key, value, KEYS[key].meaning)
             continue
-        files = sorted((CONFIGS / key).glob("*.yaml"))  # that of this task knows best what its keys mean here
-        files = [path for path in files if path.stem == settings["task"]["name"]] or files
-        of_its_keys = {name: comment for path in files for name, comment in _comments(path).items()}
-        lines += [f"{key}:" + (f"  # {meanings[key]}" if key in meanings else "")]
-        lines += [f"  {line}" for name in value for line in _line(name, value[name], of_its_keys.get(name))]
+        lines.append(f"{key}:  # {KEYS[key].meaning}")
+        meanings = {name: own.meaning for name, own in sections[key].items()}
+        lines += [f"  {line}" for name in value for line in _line(name, value[name], meanings.get(name))]
     return lines
 
 
-def _line(key: str, value: Any, comment: str | None) -> list[str]:
-    """A key as YAML, with its comment beside it or, where there is no room, above."""
+def _line(key: str, value: Any, meaning: str | None) -> list[str]:
+    """A key as YAML, with its meaning beside it or, where there is no room, above."""
     import yaml
 
     flow = None if isinstance(value, list | dict) else False  # None: only the innermost lists in one line
     first, *more = yaml.safe_dump({key: value}, default_flow_style=flow, width=76).splitlines()
-    if comment is None:
+    if meaning is None:
         return [first, *more]
-    beside = f"{first:<29}  # {comment}"
-    return [beside, *more] if len(beside) <= WIDTH else [f"# {comment}", first, *more]
-
-
-def _comments(path: Path) -> dict[str, str]:
-    """Key => the comment beside it in a config file."""
-    return dict(re.findall(r"^(\w+):.*? # (.*)$", path.read_text(encoding="utf-8"), flags=re.MULTILINE))
+    beside = f"{first:<29}  # {meaning}"
+    return [beside, *more] if len(beside) <= WIDTH else [f"# {meaning}", first, *more]

@@ -23,7 +23,8 @@ from pathlib import Path
 from typing import Any
 
 from tltlrl.errors import UserError
-from tltlrl.training.loop import Run, train
+from tltlrl.training.session import train
+from tltlrl.training.study import Run
 
 TOPIC = "tltlrl-progress"
 REPORT_SECONDS = 0.5

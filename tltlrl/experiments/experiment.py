@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import os
 import shutil
 from collections.abc import Iterator, Mapping
@@ -12,28 +11,32 @@ from typing import Any
 
 import yaml
 
-from tltlrl.config.read import KEYS, MACHINERY_DEFAULTS, Experiment, experiment_from, flatten
+from tltlrl.config.keys import GROWING, KEYS, MACHINERY_DEFAULTS, flatten
+from tltlrl.config.read import Machinery, read
 from tltlrl.errors import UserError
 from tltlrl.experiments.engine import check_scheduler, run_all
-from tltlrl.experiments.manifest import end_session, manifest, read_manifest, sha256, start_session
+from tltlrl.experiments.manifest import end_session, manifest, read_manifest, start_session
 from tltlrl.experiments.progress import Progress
 from tltlrl.learning.policy import Policy
 from tltlrl.reports.plotting import FORMATS
 from tltlrl.reports.report import write_report
-from tltlrl.reports.workspace import WORKSPACE, draw_workspace, drawable
-from tltlrl.store.files import sweep, write_json, write_text
-from tltlrl.store.record import CHECKPOINT, DONE, POLICY, DamagedError, read_checkpoint, read_policy, read_results
-from tltlrl.training.loop import Run
+from tltlrl.reports.workspace import draw_workspace
+from tltlrl.store import layout
+from tltlrl.store.files import clear_leftovers, digest, write_json, write_text
+from tltlrl.store.layout import CONFIG, DONE, LOCK, LOG, MANIFEST, POLICY, SPECS, WORKSPACE
+from tltlrl.store.lock import BusyError, held
+from tltlrl.store.run import DamagedError, drop_checkpoint, read_checkpoint, read_results
+from tltlrl.training.build import make_task
+from tltlrl.training.session import learned_policy
+from tltlrl.training.study import Run, Study
 
-CONFIG, MANIFEST, SPECS, LOG, LOCK = "config.yaml", "manifest.json", "specs", "log.txt", ".lock"
-GROWING = ("cases", "seeds")  # more of these extend a folder; anything else makes it another experiment
 
-
-def run_experiment(experiment: Experiment, command: list[str]) -> bool:
+def run_experiment(study: Study, machinery: Machinery, command: list[str]) -> bool:
     """Computes what is missing of an experiment and writes its tables and figures.
 
     Args:
-      experiment: what to do.
+      study: what to do.
+      machinery: how.
       command: the command line, for the manifest.
 
     Returns:
@@ -42,29 +45,29 @@ def run_experiment(experiment: Experiment, command: list[str]) -> bool:
     Raises:
       UserError: if the folder holds another experiment or another process works in it.
     """
-    folder = Path(experiment.runs_dir) / experiment.name
-    if experiment.engine.address is not None:
-        check_scheduler(experiment.engine.address)
+    folder = Path(machinery.runs_dir) / study.name
+    if machinery.engine.address is not None:
+        check_scheduler(machinery.engine.address)
     with lock(folder):
-        notes = prepare(folder, experiment)
-        missing, kept, damages = survey(folder, experiment)
+        notes = prepare(folder, study, machinery.overwrite)
+        missing, kept, damages = survey(folder, study)
         before = read_manifest(folder / MANIFEST)
         if kept and before is None:
             notes.append(f"{MANIFEST} was missing or damaged: who computed what is kept is not known any more")
         if missing or before is None:  # otherwise nothing here is of this session, and the manifest stays as it is
             session = start_session(command)
-            write_json(folder / MANIFEST, manifest(experiment, before, session))
-        with Progress([label(run) for run in missing], experiment.algorithm.iterations, folder / LOG) as progress:
+            write_json(folder / MANIFEST, manifest(study, before, session))
+        with Progress([label(run) for run in missing], study.algorithm.iterations, folder / LOG) as progress:
             for note in [*notes, *damages]:
                 progress.say(note)
             if kept:
                 progress.say(f"{kept} of {kept + len(missing)} runs were done before and are kept")
-            failures = compute(folder, experiment, missing, progress) if missing else {}
-        results = finished(folder, experiment)
-        write_report(folder, experiment, results, failures)
-        draw_cases(folder, experiment, results)
+            failures = compute(folder, study, machinery, missing, progress) if missing else {}
+        results = finished(folder, study)
+        write_report(folder, study, results, failures)
+        draw_cases(folder, study, results)
         if missing or before is None:
-            write_json(folder / MANIFEST, manifest(experiment, before, end_session(session)))
+            write_json(folder / MANIFEST, manifest(study, before, end_session(session)))
     return not failures
 
 
@@ -73,21 +76,21 @@ def label(run: Run) -> str:
     return f"{run.case.name} seed {run.seed}"
 
 
-def survey(folder: Path, experiment: Experiment) -> tuple[list[Run], int, list[str]]:
+def survey(folder: Path, study: Study) -> tuple[list[Run], int, list[str]]:
     """The runs that have to be computed, the number of those that are done, and what was damaged since it was written.
 
     A run whose files are damaged is computed again: to the same bytes, since it depends on nothing but its `Run`.
     """
     missing, damages = [], []
-    runs = experiment.runs()
+    runs = study.runs()
     for run in runs:
         path = run_folder(folder, run)
         try:
             if read_results(path, run.identity()) is None:
                 missing.append(run)
                 read_checkpoint(path, run.identity())
-            elif (path / CHECKPOINT).exists():  # killed between its last two steps
-                (path / CHECKPOINT).unlink()
+            else:  # there is a checkpoint where it was killed between its last two steps
+                drop_checkpoint(path)
         except DamagedError as error:
             damages.append(f"{path}: {error}; the run is computed again")
             if run not in missing[-1:]:
@@ -95,10 +98,10 @@ def survey(folder: Path, experiment: Experiment) -> tuple[list[Run], int, list[s
     return missing, len(runs) - len(missing), damages
 
 
-def finished(folder: Path, experiment: Experiment) -> dict[Path, dict[str, Any]]:
+def finished(folder: Path, study: Study) -> dict[Path, dict[str, Any]]:
     """Folder => content of done.json of every finished run, in the order of the tables."""
     results = {}
-    for run in experiment.runs():
+    for run in study.runs():
         path = run_folder(folder, run)
         with contextlib.suppress(DamagedError):  # it was to be computed again, and that failed
             if (content := read_results(path, run.identity())) is not None:
@@ -106,21 +109,21 @@ def finished(folder: Path, experiment: Experiment) -> dict[Path, dict[str, Any]]
     return results
 
 
-def draw_cases(folder: Path, experiment: Experiment, results: Mapping[Path, Mapping[str, Any]]) -> None:
+def draw_cases(folder: Path, study: Study, results: Mapping[Path, Mapping[str, Any]]) -> None:
     """The workspace of every case, if the task has one: the seed with the median robustness of the mean policy.
 
     Pictures that are younger than all policies of their case stay.
     """
-    if not drawable(experiment.task):
+    if make_task(study.task).skeleton is None:
         return
-    for case in experiment.cases:
-        sweep(folder / case.name)
-        runs = {run_folder(folder, run): run for run in experiment.runs() if run.case == case}
+    for case in study.cases:
+        clear_leftovers(folder / case.name)
+        runs = {run_folder(folder, run): run for run in study.runs() if run.case == case}
         done = sorted((path for path in runs if path in results), key=lambda path: results[path]["robustness_policy"])
         pictures = [folder / case.name / f"{WORKSPACE}{suffix}" for suffix in FORMATS]
         if done and min(map(_written, pictures)) <= max(_written(path / POLICY) for path in done):
             median = done[(len(done) - 1) // 2]
-            draw_workspace(runs[median], read_policy(median), folder / case.name / WORKSPACE)
+            draw_workspace(runs[median], learned_policy(median), folder / case.name / WORKSPACE)
 
 
 def _written(path: Path) -> float:
@@ -130,7 +133,7 @@ def _written(path: Path) -> float:
 
 def run_folder(folder: Path, run: Run) -> Path:
     """Where a run's files lie."""
-    return folder / run.case.name / f"seed_{run.seed}"
+    return layout.run_folder(folder, run.case.name, run.seed)
 
 
 def open_run(folder: Path) -> tuple[Run, Policy]:
@@ -144,12 +147,12 @@ def open_run(folder: Path) -> tuple[Run, Policy]:
     try:
         settings = yaml.safe_load((above / CONFIG).read_text())
         settings["spec"] = str(_spec_copy(above, settings["spec"]))
-        policy = read_policy(folder)
+        policy = learned_policy(folder)
         (folder / DONE).read_text()
     except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError) as error:
         raise UserError(f"{folder} is not the folder of a finished run ({error}); {advice}") from error
-    experiment = experiment_from(settings | MACHINERY_DEFAULTS)
-    for run in experiment.runs():
+    study, _ = read(settings | MACHINERY_DEFAULTS)
+    for run in study.runs():
         if run_folder(above, run) == folder.resolve():
             try:
                 read_results(folder, run.identity())
@@ -161,7 +164,7 @@ def open_run(folder: Path) -> tuple[Run, Policy]:
     raise UserError(f"{folder}: {above / CONFIG} knows no such case and seed")
 
 
-def compute(folder: Path, experiment: Experiment, missing: list[Run], progress: Progress) -> dict[str, str]:
+def compute(folder: Path, study: Study, machinery: Machinery, missing: list[Run], progress: Progress) -> dict[str, str]:
     """Computes runs; what failed, as case/seed_k => message.
 
     Raises:
@@ -180,17 +183,17 @@ def compute(folder: Path, experiment: Experiment, missing: list[Run], progress: 
         if error is not None:
             failures[f"{run.case.name}/seed_{run.seed}"] = f"{type(error).__name__}: {error}"
 
-    workers = min(experiment.workers or len(os.sched_getaffinity(0)), len(missing))
-    progress.say(f"{len(missing)} runs of {experiment.algorithm.iterations} iterations into {folder}")
+    workers = min(machinery.workers or len(os.sched_getaffinity(0)), len(missing))
+    progress.say(f"{len(missing)} runs of {study.algorithm.iterations} iterations into {folder}")
     try:
-        run_all(jobs, workers, experiment.engine.address, progress.advance, on_end)
+        run_all(jobs, workers, machinery.engine.address, progress.advance, on_end)
     except KeyboardInterrupt:
         progress.say(f"stopped; what is done is kept in {folder}")
         raise
     return failures
 
 
-def prepare(folder: Path, experiment: Experiment) -> list[str]:
+def prepare(folder: Path, study: Study, overwrite: bool) -> list[str]:
     """Makes the folder ready: new, emptied with overwrite=true, or the same experiment's.
 
     Returns:
@@ -199,43 +202,48 @@ def prepare(folder: Path, experiment: Experiment) -> list[str]:
     Raises:
       UserError: if it holds something else, with the difference.
     """
-    sweep(folder)
-    sweep(folder / SPECS)
-    config, spec_copy = folder / CONFIG, folder / SPECS / spec_name(experiment)
+    clear_leftovers(folder)
+    clear_leftovers(folder / SPECS)
+    config, spec_copy = folder / CONFIG, folder / SPECS / spec_name(study)
     known = read_manifest(folder / MANIFEST)
     before, restored = _settings_before(folder, known)
     notes = []
-    if before is not None and experiment.overwrite:
-        for entry in sorted(folder.iterdir(), key=lambda entry: entry == config):  # config.yaml last: stopped on
-            if entry.name != LOCK:  # the way, the folder is still known for one of ours
-                shutil.rmtree(entry) if entry.is_dir() and not entry.is_symlink() else entry.unlink()
+    if before is not None and overwrite:
+        empty(folder, CONFIG)
     elif before is not None:
-        if differences := _differences(before, experiment.settings):
-            if known is None or _differences(known["config"], experiment.settings):
+        if differences := _differences(before, study.settings):
+            if known is None or _differences(known["config"], study.settings):
                 raise UserError(
                     f"{folder} holds results of another config:\n{differences}\n"
-                    f"Set another name=... (now {experiment.name}), or overwrite=true to delete what is there."
+                    f"Set another name=... (now {study.name}), or overwrite=true to delete what is there."
                 )
             restored = True
         if restored:
             notes.append(f"{CONFIG} was missing or damaged and is written again, from {MANIFEST}")
-        text = experiment.spec.text
+        text = study.spec.text
         if not spec_copy.is_file() or spec_copy.read_bytes() != text.encode():
-            if known is None or known["specs"] != {spec_copy.name: sha256(text)}:
+            if known is None or known["specs"] != {spec_copy.name: digest(text.encode())}:
                 raise UserError(
                     f"{folder} was made with another text of {spec_copy.name} (kept in its folder specs), or its copy "
                     f"was damaged or deleted. Set another name=..., or overwrite=true to delete what is there."
                 )
             notes.append(f"{SPECS}/{spec_copy.name} was missing or damaged and is written again")
     (folder / SPECS).mkdir(parents=True, exist_ok=True)
-    write_text(spec_copy, experiment.spec.text)
-    write_text(config, yaml.safe_dump(experiment.settings, sort_keys=False))
+    write_text(spec_copy, study.spec.text)
+    write_text(config, yaml.safe_dump(study.settings, sort_keys=False))
     return notes
 
 
-def spec_name(experiment: Experiment) -> str:
+def empty(folder: Path, last: str) -> None:
+    """Deletes what is in a folder of ours, the file `last` at the end: until then it is still known for one of ours."""
+    for entry in sorted(folder.iterdir(), key=lambda entry: entry.name == last):
+        if entry.name != LOCK:
+            shutil.rmtree(entry) if entry.is_dir() and not entry.is_symlink() else entry.unlink()
+
+
+def spec_name(study: Study) -> str:
     """The spec file's own name."""
-    return Path(experiment.spec.path or "spec.tltl").name
+    return Path(study.spec.path or "spec.tltl").name
 
 
 def _settings_before(folder: Path, known: Mapping[str, Any] | None) -> tuple[dict[str, Any] | None, bool]:
@@ -292,24 +300,13 @@ def _members(value: Any) -> set[Any]:
 
 @contextlib.contextmanager
 def lock(folder: Path) -> Iterator[None]:
-    """Holds the folder for this process.
+    """Holds the folder of an experiment for this process.
 
     Raises:
       UserError: if another process holds it, or it cannot be written.
     """
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        file = open(folder / LOCK, "a+")  # noqa: SIM115  # closed below, after the experiment
-    except OSError as error:
-        raise UserError(f"{folder} cannot be written ({error.strerror}); set another runs_dir=...") from error
-    with file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            file.seek(0)
-            holder = file.read().strip() or "unknown"
-            raise UserError(f"process {holder} is working in {folder}; wait for it, or set another name=...") from error
-        file.truncate(0)
-        file.write(f"{os.getpid()}\n")
-        file.flush()
-        yield
+        with held(folder):
+            yield
+    except BusyError as error:
+        raise UserError(f"{error}; wait for it, or set another name=...") from error

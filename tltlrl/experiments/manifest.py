@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime
-import hashlib
 import importlib.metadata
 import json
 import os
@@ -14,13 +13,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from tltlrl.config.read import MACHINERY_DEFAULTS, Experiment
+from tltlrl.config.keys import MACHINERY_DEFAULTS
 from tltlrl.errors import UserError
 from tltlrl.resources import spec_path
+from tltlrl.store.files import digest
+from tltlrl.training.study import Study
 
 KEYS = {
     "command", "started", "ended", "python", "packages", "git", "platform", "cpu", "specs", "config", "later_sessions",
 }  # fmt: skip
+
+BOM = b"\xef\xbb\xbf"  # before the text of a spec that some editors write
 
 
 def start_session(command: list[str]) -> dict[str, Any]:
@@ -42,19 +45,19 @@ def end_session(session: Mapping[str, Any]) -> dict[str, Any]:
     return {**session, "ended": _now()}
 
 
-def manifest(experiment: Experiment, before: Mapping[str, Any] | None, session: Mapping[str, Any]) -> dict[str, Any]:
+def manifest(study: Study, before: Mapping[str, Any] | None, session: Mapping[str, Any]) -> dict[str, Any]:
     """The content of manifest.json: the first session, what it was asked for, and every later session that computed.
 
     Args:
-      experiment: what is computed.
+      study: what is computed.
       before: the manifest of the sessions before, if any.
       session: this one.
     """
     first, later = (before, [*before["later_sessions"], session]) if before else (session, [])
     return {
         **{key: first[key] for key in session},
-        "specs": {Path(experiment.spec.path or "spec.tltl").name: sha256(experiment.spec.text)},
-        "config": experiment.settings,
+        "specs": {Path(study.spec.path or "spec.tltl").name: digest(study.spec.text.encode())},
+        "config": study.settings,
         "later_sessions": later,
     }
 
@@ -93,17 +96,12 @@ def settings_of(path: Path) -> dict[str, Any]:
             f"{path}: {'not' if path.exists() else 'there is no such file; give'} the manifest.json of an experiment"
         )
     settings = MACHINERY_DEFAULTS | content["config"] | {"runs_dir": str(path.resolve().parent.parent)}
-    ((name, digest),) = content["specs"].items()
+    ((name, seal),) = content["specs"].items()
     try:
-        unchanged = sha256(spec_path(settings["spec"]).read_bytes().decode("utf-8-sig")) == digest
+        unchanged = digest(spec_path(settings["spec"]).read_bytes().removeprefix(BOM)) == seal
     except UserError:
         unchanged = False
     return settings if unchanged else settings | {"spec": str(path.parent / "specs" / name)}
-
-
-def sha256(text: str) -> str:
-    """The digest of a spec's text."""
-    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _versions() -> dict[str, str]:

@@ -13,12 +13,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from tltlrl.config.compose import complaints_told, compose, initialized, parse, quoted
-from tltlrl.config.read import MACHINERY_DEFAULTS, Experiment, experiment_from
+from tltlrl.config.compose import complaints_told, completed, compose, initialized, parse, quoted
+from tltlrl.config.keys import NOT_IN_THE_NAME
+from tltlrl.config.read import read
 from tltlrl.errors import UserError, module_of
 
-# Swept or not, these are not in a folder's name: they name it themselves, change only how, or let it grow.
-NOT_IN_THE_NAME = ("experiment", "name", "cases", "seeds", *MACHINERY_DEFAULTS)
 LONGEST_NAME = 200  # bytes; file systems allow 255
 
 
@@ -36,10 +35,9 @@ def run_combinations(overrides: Sequence[str], start: Callable[[dict[str, Any]],
       UserError, SpecError: if any combination is no experiment; nothing was started then.
     """
     machinery, swept = combinations(overrides)
-    experiments = _checked([[*machinery, *combination] for combination, _ in swept], [values for _, values in swept])
+    names = _checked([[*machinery, *combination] for combination, _ in swept], [values for _, values in swept])
     jobs = [
-        [*combination, f"name={quoted(experiment.name)}"]
-        for (combination, _), experiment in zip(swept, experiments, strict=True)
+        [*completed(combination), f"name={quoted(name)}"] for (combination, _), name in zip(swept, names, strict=True)
     ]
     try:
         codes = _launch(machinery, jobs, start)
@@ -48,7 +46,7 @@ def run_combinations(overrides: Sequence[str], start: Callable[[dict[str, Any]],
             raise
         print(f"tltl-run: hydra/launcher reports: {error}", file=sys.stderr)
         return 1
-    failed = [experiment.name for experiment, code in zip(experiments, codes, strict=True) if code]
+    failed = [name for name, code in zip(names, codes, strict=True) if code]
     if failed:
         print(
             f"tltl-run: {len(failed)} of {len(codes)} experiments failed: {' '.join(failed)}; if a launcher started "
@@ -98,22 +96,22 @@ def folder_name(name: str, swept: Sequence[str]) -> str:
     return f"{whole[: LONGEST_NAME - 9].decode(errors='ignore')}-{hashlib.sha256(whole).hexdigest()[:8]}"
 
 
-def _checked(combined: Sequence[Sequence[str]], swept: Sequence[Sequence[str]]) -> list[Experiment]:
-    """The experiments of all combinations, each with a folder of its own."""
-    experiments: dict[Path, Experiment] = {}
+def _checked(combined: Sequence[Sequence[str]], swept: Sequence[Sequence[str]]) -> list[str]:
+    """The names of all combinations' experiments, each of which can run and has a folder of its own."""
+    names: dict[Path, str] = {}
     for overrides, values in zip(combined, swept, strict=True):
         settings = compose(overrides)
-        experiment = experiment_from(settings | {"name": folder_name(str(settings["name"]), values)})
-        folder = Path(experiment.runs_dir) / experiment.name
-        if folder in experiments:
+        study, machinery = read(settings | {"name": folder_name(str(settings["name"]), values)})
+        folder = Path(machinery.runs_dir) / study.name
+        if folder in names:
             raise UserError(
                 f"-m: two combinations have the same folder {folder}; sweep what makes them different experiments "
                 f"(of cases and seeds one experiment has a list, as in seeds=[1,2]), or name, too"
             )
-        experiments[folder] = experiment
-    if not experiments:
+        names[folder] = study.name
+    if not names:
         raise UserError("-m: a range without values makes no experiment")
-    return list(experiments.values())
+    return list(names.values())
 
 
 def _launch(

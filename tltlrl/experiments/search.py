@@ -15,7 +15,6 @@ import csv
 import io
 import math
 import shlex
-import shutil
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -26,27 +25,21 @@ import numpy as np
 import yaml
 
 from tltlrl.config.compose import parse
-from tltlrl.config.read import Experiment, experiment_from, flatten
+from tltlrl.config.keys import BUDGET, NOT_SEARCHED, flatten
+from tltlrl.config.read import Machinery, read
 from tltlrl.errors import UserError
 from tltlrl.experiments.engine import check_scheduler
-from tltlrl.experiments.experiment import LOCK, LOG, lock, run_experiment
-from tltlrl.experiments.manifest import sha256
+from tltlrl.experiments.experiment import empty, lock, run_experiment
 from tltlrl.logic import SpecError
-from tltlrl.reports.report import SUMMARY, SUMMARY_PAGE
-from tltlrl.store.files import write_bytes, write_text
+from tltlrl.store.files import digest, write_bytes, write_text
+from tltlrl.store.layout import JOURNAL, LOG, SEARCH, SUMMARY, SUMMARY_PAGE, TRIALS
+from tltlrl.training.study import Study
 
 if TYPE_CHECKING:
-    from optuna import Study
+    from optuna import Study as OptunaStudy
     from optuna.distributions import BaseDistribution
     from optuna.trial import FrozenTrial
 
-SEARCH, JOURNAL, TRIALS = "search.yaml", "journal.log", "trials.csv"
-# With another value of these a trial would be measured differently, or elsewhere, and not be better or worse.
-NOT_SEARCHED = (
-    "experiment", "name", "spec", "constants", "cases", "seeds", "trials", "workers", "engine", "runs_dir", "overwrite",
-)  # fmt: skip
-# What makes a search cheaper than the experiment, and what is about its machine: not in the command of the best one.
-BUDGET = ("seeds", "trials", "algorithm.iterations", "name", "workers", "engine", "engine.address", "overwrite")
 MOST_TRIALS = 1000
 
 Parameters = Mapping[str, Any]  # key => value; of a choice, its text as in an override
@@ -57,7 +50,8 @@ class Search:
     """What is searched, and where.
 
     Attributes:
-      base: the experiment, with its own values for the searched keys.
+      base: the study, with its own values for the searched keys.
+      machinery: how its candidates are computed, and where they lie.
       fixed: the overrides that made it.
       space: key => what it may be, as written, without spaces.
       distributions: the same for Optuna.
@@ -65,7 +59,8 @@ class Search:
       seed: of the sampler.
     """
 
-    base: Experiment
+    base: Study
+    machinery: Machinery
     fixed: tuple[str, ...]
     space: dict[str, str]
     distributions: dict[str, BaseDistribution]
@@ -76,13 +71,13 @@ class Search:
     def folder(self) -> Path:
         """Where the trials' folders, the journal and the tables lie; beside an experiment of the config's own name."""
         named = any(override.startswith("name=") for override in self.fixed)
-        return Path(self.base.runs_dir) / (self.base.name if named else f"{self.base.name}_search")
+        return Path(self.machinery.runs_dir) / (self.base.name if named else f"{self.base.name}_search")
 
     def trial_folder(self, number: int) -> Path:
         """Where a trial's results lie, as those of any experiment."""
         return self.folder / f"trial_{number:03d}"
 
-    def trial(self, number: int, parameters: Parameters) -> Experiment:
+    def trial(self, number: int, parameters: Parameters) -> tuple[Study, Machinery]:
         """The experiment of a trial.
 
         Raises:
@@ -90,7 +85,7 @@ class Search:
         """
         path = self.trial_folder(number)
         place = {"name": path.name, "runs_dir": str(path.parent), "overwrite": False}
-        return experiment_from(self.configure(parameters) | place)
+        return read(self.configure(parameters) | place)
 
 
 def require_optuna() -> None:
@@ -180,8 +175,8 @@ def run_search(search: Search, count: int, command: list[str]) -> list[dict[str,
     if not 1 <= count <= MOST_TRIALS or not 0 <= search.seed < 2**63:
         raise UserError(f"--trials must lie between 1 and {MOST_TRIALS}, and --seed be at least 0")
     _check_space(search)
-    if search.base.engine.address is not None:
-        check_scheduler(search.base.engine.address)
+    if search.machinery.engine.address is not None:
+        check_scheduler(search.machinery.engine.address)
     with lock(search.folder):
         _prepare(search)
         study = open_study(search.folder / JOURNAL)
@@ -195,7 +190,7 @@ def run_search(search: Search, count: int, command: list[str]) -> list[dict[str,
     return table
 
 
-def _try(search: Search, study: Study, number: int, count: int, command: list[str]) -> None:
+def _try(search: Search, study: OptunaStudy, number: int, count: int, command: list[str]) -> None:
     """Does what is missing of one trial."""
     from optuna.trial import TrialState
 
@@ -205,7 +200,7 @@ def _try(search: Search, study: Study, number: int, count: int, command: list[st
     if trial.state == TrialState.FAIL or (trial.state == TrialState.COMPLETE and results(search, number)):
         return
     _say(f"trial {number} ({number + 1} of {count}): {describe(trial.params)}")
-    succeeded = run_experiment(search.trial(number, trial.params), command)
+    succeeded = run_experiment(*search.trial(number, trial.params), command)
     found = results(search, number) if succeeded else []
     if not trial.state.is_finished():  # otherwise its folder was gone, and has come back
         value = objective(found)
@@ -253,7 +248,7 @@ def propose(
     return study.ask(dict(distributions)).params
 
 
-def open_study(journal: Path) -> Study:
+def open_study(journal: Path) -> OptunaStudy:
     """The study kept in a journal file, which is made if there is none.
 
     Whoever was killed may have left a lock, and half a line at the end, which stands for nothing done: both go. The
@@ -291,7 +286,7 @@ def _check_space(search: Search) -> None:
         errors = []
         for value in choices or (distribution.low, distribution.high):  # type: ignore[attr-defined]
             try:
-                experiment_from(search.configure({key: value}))
+                read(search.configure({key: value}))
             except (UserError, SpecError) as error:
                 errors.append(error)
         if errors and (choices or len(errors) == 2):
@@ -309,7 +304,7 @@ def _prepare(search: Search) -> None:
         "space": search.space,
         "seed": search.seed,
         "config": search.base.settings,
-        "spec_sha256": sha256(search.base.spec.text),
+        "spec_sha256": digest(search.base.spec.text.encode()),
     }
     file = search.folder / SEARCH
     if any(not entry.name.startswith(".") for entry in search.folder.iterdir()):
@@ -322,10 +317,8 @@ def _prepare(search: Search) -> None:
                 f"{search.folder} exists and holds no search (its {SEARCH} is missing or not one of ours); "
                 f"set another name=... or runs_dir=..."
             )
-        if search.base.overwrite:
-            for entry in sorted(search.folder.iterdir(), key=lambda entry: entry == file):  # known for ours to the last
-                if entry.name != LOCK:
-                    shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
+        if search.machinery.overwrite:
+            empty(search.folder, SEARCH)
         else:
             _check_same(before, record, search.folder)
     write_text(file, yaml.safe_dump(record, sort_keys=False))

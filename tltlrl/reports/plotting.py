@@ -15,6 +15,7 @@ from scipy.stats import bootstrap
 
 from tltlrl.errors import UserError
 from tltlrl.store.files import write_bytes
+from tltlrl.store.layout import CURVES
 
 Array = NDArray[np.float64]
 
@@ -39,7 +40,6 @@ RESAMPLES = 2000
 BATCH = 4_000_000  # numbers at a time; the band is the same for any
 DETAIL = 3.0  # a second row of panels reaches this many times as far below 0 as the best curve above,
 NEEDED = 6.0  # where the worst curve goes this many times as far
-CURVES = "learning_curves.csv"
 
 
 def read_curves(folder: Path) -> pd.DataFrame:

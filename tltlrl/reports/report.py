@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import csv
+import io
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,18 +12,17 @@ import numpy as np
 import pandas as pd
 from scipy.stats import binomtest
 
-from tltlrl.config.read import Experiment
 from tltlrl.logic.reasons import from_json, merge
-from tltlrl.reports.plotting import CURVES, FORMATS, plot_learning_curves
-from tltlrl.reports.workspace import WORKSPACE, drawable
+from tltlrl.reports.plotting import FORMATS, plot_learning_curves
 from tltlrl.store.files import write_text
-from tltlrl.store.record import PROGRESS
-
-SUMMARY, SUMMARY_PAGE, REPORT, FIGURE = "summary.csv", "summary.md", "report.md", "learning_curves"
+from tltlrl.store.layout import CURVES, FIGURE, PROGRESS, REPORT, SUMMARY, SUMMARY_PAGE, WORKSPACE, run_of
+from tltlrl.tasks.task import Task
+from tltlrl.training.build import make_task
+from tltlrl.training.study import Study
 
 
 def write_report(
-    folder: Path, experiment: Experiment, finished: Mapping[Path, Mapping[str, Any]], failures: Mapping[str, str]
+    folder: Path, study: Study, finished: Mapping[Path, Mapping[str, Any]], failures: Mapping[str, str]
 ) -> None:
     """Writes every table and figure from the finished runs' files; what failed is listed.
 
@@ -29,24 +30,34 @@ def write_report(
 
     Args:
       folder: where to.
-      experiment: what was asked for.
+      study: what was asked for.
       finished: folder of a run => its results, in the order of the tables.
       failures: run => message.
     """
     if not finished:
         for name in (CURVES, SUMMARY, REPORT, *(f"{FIGURE}{suffix}" for suffix in FORMATS)):
             (folder / name).unlink(missing_ok=True)
-        lines = [f"# {experiment.name}", "", "No run has finished.", *_failure_lines(failures)]
+        lines = [f"# {study.name}", "", "No run has finished.", *_failure_lines(failures)]
         write_text(folder / SUMMARY_PAGE, "\n".join(lines) + "\n")
         return
-    tables = [(path / PROGRESS).read_text().split("\n", 1) for path in finished]
-    write_text(folder / CURVES, tables[0][0] + "\n" + "".join(rows for _, rows in tables))
+    write_text(folder / CURVES, joined([(path / PROGRESS).read_text() for path in finished]))
     curves = pd.read_csv(folder / CURVES)
     summary = summarise(curves, finished)
     write_text(folder / SUMMARY, summary.to_csv(index=False, lineterminator="\n"))
-    write_text(folder / SUMMARY_PAGE, summary_page(experiment, summary, failures))
-    write_text(folder / REPORT, report_page(experiment, summary, finished, failures))
+    write_text(folder / SUMMARY_PAGE, summary_page(study, summary, failures))
+    write_text(folder / REPORT, report_page(study, summary, finished, failures))
     plot_learning_curves([curves], folder / FIGURE)
+
+
+def joined(tables: Sequence[str]) -> str:
+    """CSV texts as one: a column that some do not have, as another learner's diagnostics, is empty in their rows."""
+    rows = [row for table in tables for row in csv.DictReader(io.StringIO(table))]
+    columns = dict.fromkeys(name for table in tables for name in table.split("\n", 1)[0].split(","))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
 
 
 def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) -> pd.DataFrame:
@@ -59,7 +70,7 @@ def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) 
     rows = []
     runs = curves.groupby(["case", "seed"], sort=False)
     for path, done in outcomes.items():
-        case, seed = path.parent.name, int(path.name.removeprefix("seed_"))
+        case, seed = run_of(path)
         run = runs.get_group((case, seed))
         satisfied = run.loc[run["robustness_policy"] > 0, "iteration"]
         rows.append(
@@ -81,14 +92,14 @@ def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) 
     return pd.DataFrame(rows).astype({"first_satisfied_iteration": "Int64"})
 
 
-def summary_page(experiment: Experiment, summary: pd.DataFrame, failures: Mapping[str, str]) -> str:
+def summary_page(study: Study, summary: pd.DataFrame, failures: Mapping[str, str]) -> str:
     """summary.md: one line per case."""
     judged = _judged(summary)
     lines = [
-        f"# {experiment.name}",
+        f"# {study.name}",
         "",
-        f"Spec `{experiment.spec.formula}`, {len(experiment.seeds)} seeds, "
-        f"{experiment.algorithm.iterations} iterations of {experiment.algorithm.samples} samples. "
+        f"Spec `{study.spec.formula}`, {len(study.seeds)} seeds, "
+        f"{study.algorithm.iterations} iterations of {study.algorithm.samples} samples. "
         "Robustness is that of the spec for every case, whatever it was trained on; above 0 the spec is satisfied.",
         "",
         "| case | satisfied | robustness of the mean policy, median (min to max) | first satisfied iteration, median "
@@ -111,30 +122,31 @@ def summary_page(experiment: Experiment, summary: pd.DataFrame, failures: Mappin
 
 
 def report_page(
-    experiment: Experiment,
+    study: Study,
     summary: pd.DataFrame,
     finished: Mapping[Path, Mapping[str, Any]],
     failures: Mapping[str, str],
 ) -> str:
     """report.md: the summary, the figures, what failed and why, and the settings."""
+    task = make_task(study.task)
     lines = [
-        summary_page(experiment, summary, failures),
+        summary_page(study, summary, failures),
         f"![Learning curves]({FIGURE}.png)",
-        *bottleneck_lines(finished),
-        *picture_lines(experiment, finished),
-        *trial_lines(summary, finished),
+        *bottleneck_lines(finished, task.control_timestep),
+        *picture_lines(task, finished),
+        *trial_lines(summary, finished, task.control_timestep),
         "",
         "## Settings",
         "",
-        *(f"- {key}: {value}" for key, value in experiment.settings.items()),
+        *(f"- {key}: {value}" for key, value in study.settings.items()),
     ]
     return "\n".join(lines) + "\n"
 
 
-def picture_lines(experiment: Experiment, finished: Mapping[Path, Mapping[str, Any]]) -> list[str]:
+def picture_lines(task: Task, finished: Mapping[Path, Mapping[str, Any]]) -> list[str]:
     """The workspace pictures of the cases, for tasks that have them."""
-    cases = dict.fromkeys(path.parent.name for path in finished)
-    if not drawable(experiment.task):
+    cases = dict.fromkeys(run_of(path)[0] for path in finished)
+    if task.skeleton is None:
         return []
     return [
         "",
@@ -146,7 +158,7 @@ def picture_lines(experiment: Experiment, finished: Mapping[Path, Mapping[str, A
     ]
 
 
-def trial_lines(summary: pd.DataFrame, finished: Mapping[Path, Mapping[str, Any]]) -> list[str]:
+def trial_lines(summary: pd.DataFrame, finished: Mapping[Path, Mapping[str, Any]], timestep: float) -> list[str]:
     """The trials of every run, with a 95 % Wilson interval, and why trials failed."""
     judged = _judged(summary)
     lines = [
@@ -162,23 +174,23 @@ def trial_lines(summary: pd.DataFrame, finished: Mapping[Path, Mapping[str, Any]
         lines.append(
             f"| {row['case']} | {row['seed']} | {_rate(row['successes'], row['trials'])} |"
             + "".join(f" {row[name]} of {row['trials']} |" for name in judged)
-            + f" {_why(done)} |"
+            + f" {_why(done, timestep)} |"
         )
     return [*lines, "", f"Why: {HOW_DECIDED}"]
 
 
-def bottleneck_lines(finished: Mapping[Path, Mapping[str, Any]]) -> list[str]:
+def bottleneck_lines(finished: Mapping[Path, Mapping[str, Any]], timestep: float) -> list[str]:
     """For every case with mean policies that violate the spec: what decides so, over its seeds."""
     by_case: dict[str, list[Mapping[str, Any]]] = {}
     for path, done in finished.items():
-        by_case.setdefault(path.parent.name, []).append(done)
+        by_case.setdefault(run_of(path)[0], []).append(done)
     lines = []
     for case, runs in by_case.items():
         violated = [done for done in runs if not done["satisfied"]]
         if violated:
             lines.append(f"- {case}, {len(violated)} of {len(runs)} seeds:")
             reasons = merge(reason for done in violated for reason in from_json(done["why_policy_fails"]))
-            lines += [f"  - {reason.count} of {len(runs)}: {reason}" for reason in reasons]
+            lines += [f"  - {reason.count} of {len(runs)}: {reason.told(timestep)}" for reason in reasons]
     if not lines:
         return []
     return ["", "## What holds the failed policies back", "", *lines, "", f"Listed: {HOW_DECIDED}"]
@@ -200,9 +212,9 @@ def _rate(successes: Any, count: Any) -> str:
     return f"{successes} of {count} ({interval.low:.3f} to {interval.high:.3f})"
 
 
-def _why(done: Mapping[str, Any]) -> str:
+def _why(done: Mapping[str, Any], timestep: float) -> str:
     """Why trials of a run failed, in one cell of a table."""
-    return "; ".join(f"{r.count}: {r}" for r in from_json(done["why_trials_fail"])).replace("|", "\\|")
+    return "; ".join(f"{r.count}: {r.told(timestep)}" for r in from_json(done["why_trials_fail"])).replace("|", "\\|")
 
 
 def _failure_lines(failures: Mapping[str, str]) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -15,8 +16,10 @@ from tltlrl.learning.policy import Policy
 from tltlrl.logic import Spec
 from tltlrl.simulation.rollout import Simulator
 from tltlrl.simulation.trials import mean_motion
-from tltlrl.tasks.task import CONTROL_TIMESTEP, environment
-from tltlrl.training.loop import Run
+from tltlrl.tasks.environment import environment
+from tltlrl.tasks.task import Task
+from tltlrl.training.build import make_evaluation_task
+from tltlrl.training.study import Run
 
 Frame = NDArray[np.uint8]
 
@@ -39,16 +42,26 @@ def render_motion(run: Run, policy: Policy, path: Path) -> None:
     Raises:
       UserError: if no renderer is to be had on this machine.
     """
-    frames = motion_frames(run, policy)
+    task = make_evaluation_task(run.task)
+    frames = motion_frames(task, run.spec, policy)
     pictures = [Image.fromarray(frame).quantize(128) for frame in frames]
     pictures[0].save(
-        path.with_suffix(".gif"), save_all=True, append_images=pictures[1:], duration=1000 * CONTROL_TIMESTEP, loop=0
+        path.with_suffix(".gif"),
+        save_all=True,
+        append_images=pictures[1:],
+        duration=1000 * task.control_timestep,
+        loop=0,
     )
-    film_strip(frames).save(path.with_suffix(".png"))
+    film_strip(frames, task.control_timestep).save(path.with_suffix(".png"))
 
 
-def film_strip(frames: list[Frame]) -> Image.Image:
-    """Six frames in reading order, each with its time, evenly spread over how much the picture changes."""
+def film_strip(frames: list[Frame], timestep: float) -> Image.Image:
+    """Six frames in reading order, each with its time, evenly spread over how much the picture changes.
+
+    Args:
+      frames: of the film.
+      timestep: between two of them, s.
+    """
     strip = Image.new("RGB", (STRIP_COLUMNS * WIDTH, STRIP_ROWS * HEIGHT))
     draw = ImageDraw.Draw(strip)
     font = ImageFont.load_default(size=HEIGHT // 15)
@@ -59,27 +72,24 @@ def film_strip(frames: list[Frame]) -> Image.Image:
         row, column = divmod(place, STRIP_COLUMNS)
         corner = (column * WIDTH, row * HEIGHT)
         strip.paste(Image.fromarray(frames[i]), corner)
-        draw.text((corner[0] + 10, corner[1] + 8), f"{i * CONTROL_TIMESTEP:.2f} s", fill="black", font=font)
+        draw.text((corner[0] + 10, corner[1] + 8), f"{i * timestep:.2f} s", fill="black", font=font)
     return strip
 
 
-def motion_frames(run: Run, policy: Policy) -> list[Frame]:
+def motion_frames(task: Task, spec: Spec, policy: Policy) -> list[Frame]:
     """One picture per sample, (HEIGHT, WIDTH, 3): the environment stepped with the mean policy's commands."""
-    task = run.make_evaluation_task()
-    task.command_noise = np.zeros_like(task.command_noise)
-    task.rewards[task.environment_reward] = lambda signals: np.zeros(next(iter(signals.values())).shape[:2])
     commands = mean_motion(Simulator(task), policy).commands[0]
-    env = environment(task)
+    env = environment(task, noise=False)
     frames, timestep = [], env.reset()
     for command in commands:
-        frames.append(_frame(env.physics, task.camera, run.spec))
+        frames.append(_frame(env.physics, task.camera, spec))
         if timestep.last():
             break
         timestep = env.step(command)
     return frames
 
 
-def _frame(physics: object, camera: str, spec: Spec) -> Frame:
+def _frame(physics: Any, camera: str | None, spec: Spec) -> Frame:
     def draw_regions(_: object, scene: mujoco.MjvScene) -> None:
         for region in spec.regions:
             if region.signal != "ee" or scene.ngeom == scene.maxgeom:
@@ -106,7 +116,8 @@ def _frame(physics: object, camera: str, spec: Spec) -> Frame:
             )
 
     try:
-        return np.array(physics.render(HEIGHT, WIDTH, camera_id=camera, scene_callback=draw_regions))  # type: ignore[attr-defined]
+        view = -1 if camera is None else camera
+        return np.array(physics.render(HEIGHT, WIDTH, camera_id=view, scene_callback=draw_regions))
     except (RuntimeError, ImportError, mujoco.FatalError) as error:
         raise UserError(
             f"no picture can be rendered on this machine ({error}); install a software renderer (Debian: "

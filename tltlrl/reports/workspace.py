@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from copy import copy
 from pathlib import Path
-from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -17,29 +16,23 @@ from tltlrl.logic import Spec
 from tltlrl.reports.plotting import FONT, LABELS, save
 from tltlrl.simulation.rollout import Simulator
 from tltlrl.simulation.trials import mean_motion
-from tltlrl.tasks.planar_arm import PlanarArm, PlanarArmConfig, joint_positions
-from tltlrl.training.loop import Run
+from tltlrl.training.build import make_task
+from tltlrl.training.study import Run
 
-WORKSPACE = "workspace"
 POSES = 6  # of the arm, evenly spread over the motion
 
 
-def drawable(task: Any) -> bool:
-    """Whether there is a workspace to draw for a task of this config: a plane."""
-    return isinstance(task, PlanarArmConfig)
-
-
 def draw_workspace(run: Run, policy: Policy, path: Path, count: int = 20) -> None:
-    """The learned motion of the planar arm, as path.png and path.pdf.
+    """The learned motion in the plane, as path.png and path.pdf.
 
     Args:
-      run: of a planar task.
+      run: of a task that has a skeleton.
       policy: learned by the run.
       path: without suffix.
       count: sampled paths, with the policy's remaining exploration and the actuators' noise.
     """
-    task = run.make_task()
-    assert isinstance(task, PlanarArm)
+    task = make_task(run.task)
+    assert task.skeleton is not None
     simulator = Simulator(task)
     rng = np.random.default_rng([run.seed, run.algorithm.iterations])
     sampled = simulator.rollout(policy.gain, policy.sample(count, rng), simulator.draw_command_noise(count, rng))
@@ -58,7 +51,7 @@ def draw_workspace(run: Run, policy: Policy, path: Path, count: int = 20) -> Non
         axes.plot(*ee[0], "o", color="black", markersize=5, zorder=6)
         axes.plot(*ee[-1], "s", color="black", markeredgecolor="white", markersize=6, zorder=6)
         for i in np.linspace(0, task.steps - 1, POSES).astype(int):
-            joints = joint_positions(motion.features[0, i, :3], np.array(task.config.link_lengths))
+            joints = task.skeleton(motion.features[0, i])
             axes.plot(*joints.T, "-o", color="#0072B2", alpha=0.15 + 0.6 * i / task.steps, markersize=2, zorder=3)
         axes.set_aspect("equal", adjustable="datalim")  # every picture fills the same frame
         axes.set_xlabel("x (m)")

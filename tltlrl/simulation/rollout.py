@@ -13,7 +13,7 @@ import mujoco.rollout
 import numpy as np
 from numpy.typing import NDArray
 
-from tltlrl.tasks.task import CONTROL_TIMESTEP, Task
+from tltlrl.tasks.task import Task, draw_command_noise
 
 Array = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ class Simulator:
         self._model = self._physics.model.ptr
         self._data = mujoco.MjData(self._model)
         self._rollout = mujoco.rollout.Rollout(nthread=0)
-        self._substeps = round(CONTROL_TIMESTEP / self._model.opt.timestep)
+        self._substeps = round(task.control_timestep / self._model.opt.timestep)
         qpos, qvel = task.initial_state()
         self._data.qpos[:], self._data.qvel[:] = qpos, qvel
         self._start = np.empty(mujoco.mj_stateSize(self._model, mujoco.mjtState.mjSTATE_FULLPHYSICS.value))
@@ -54,8 +54,7 @@ class Simulator:
 
     def draw_command_noise(self, count: int, rng: np.random.Generator) -> Array:
         """What the actuators add to the commands of `count` trajectories, shape (count, T, d)."""
-        scale = self._task.command_noise
-        return np.asarray(scale * rng.standard_normal((count, self._task.steps, len(scale))))
+        return draw_command_noise(self._task, (count, self._task.steps), rng)
 
     def rollout(self, gain: Array, offsets: Array, command_noise: Array) -> Trajectories:
         """Simulates u_t = K s_t + offset_t from the task's start.
@@ -73,7 +72,7 @@ class Simulator:
         task, substeps = self._task, self._substeps
         n, steps, d = offsets.shape
         nq, nv = self._model.nq, self._model.nv
-        features = np.empty((steps, n, len(task.observation)))
+        features = np.empty((steps, n, task.width))
         commands = offsets.transpose(1, 0, 2).copy()  # the caller's stay as they are
         noise = np.ascontiguousarray(command_noise.transpose(1, 0, 2))
         state = np.tile(self._start, (n, 1))

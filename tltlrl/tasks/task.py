@@ -1,85 +1,105 @@
-"""The contract between a task and the rest: one class, two ways in.
+"""The contract of a task: what is simulated, described and never stepped here.
 
-`dm_env` users step a task through `dm_control.rl.control.Environment`; training steps the same physics model in
-batches (`tltlrl.simulation.rollout`). A task therefore states its features twice: from a live `Physics`, with its named
-quantities, and from arrays of positions and velocities. A test holds the two against each other.
+Training steps the physics model in batches (`tltlrl.simulation.rollout`); `dm_env` users step it through
+`tltlrl.tasks.environment`. Both read this description, and neither leaves anything in it.
 """
 
 from __future__ import annotations
 
 import abc
-import collections
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
+from typing import Any, Protocol
 
 import numpy as np
 from dm_control import mujoco
-from dm_control.rl import control
 from numpy.typing import NDArray
 
 from tltlrl.errors import UserError
+from tltlrl.settings import setting
 
 Array = NDArray[np.float64]
-Signals = dict[str, Array]
-StepReward = Callable[[Mapping[str, Array]], Array]
+Signals = Mapping[str, Array]
+Memory = Any  # what a reward remembers of the samples before; None at the start of an episode
 
 KINDS = {float: "a number", tuple: "a vector", dict: "a family"}  # of a spec's constants
-CONTROL_TIMESTEP = 0.05  # seconds: commands are sent at 20 Hz, as in the case study.
+MOST_STEPS = 100_000
+
+
+class StepReward(Protocol):
+    """A hand-made reward: one code for whole episodes in batches and for an environment that goes step by step."""
+
+    def __call__(self, signals: Signals, memory: Memory = None) -> tuple[Array, Memory]:
+        """The rewards of a stretch of consecutive samples of N trajectories.
+
+        Args:
+          signals: of the stretch, name -> (N, T) or (N, T, k).
+          memory: what the stretch before has left; None at the start of the episodes.
+
+        Returns:
+          The rewards, shape (N, T), and what the next stretch has to know.
+        """
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """One column of the features or of the commands: its name and its unit."""
+    """A group of features or of commands.
+
+    Attributes:
+      name: of the group, such as `velocities`.
+      unit: of all its parts.
+      parts: their names, in order.
+    """
 
     name: str
     unit: str
+    parts: tuple[str, ...]
 
 
-class Task(control.Task, abc.ABC):  # type: ignore[misc]  # dm_control has no types
+class Task(abc.ABC):
     """A robot, its start, its features s_t (`observation`), its commands u_t (`action`) and its signals.
 
     Attributes:
       name: the task's name in configs and CSV files.
+      control_timestep: time between two samples, s; a multiple of the model's timestep.
       steps: samples T of one episode, s_0 .. s_{T-1}; T - 1 control steps lead from the first to the last.
-      observation: one `Quantity` per feature, in order.
-      action: one `Quantity` per command, in order.
-      command_noise: standard deviation of the Gaussian noise on each command, in the command's unit. It is part
-        of the simulation (an imperfect actuator), not of the policy.
+      observation: the groups of features, in order.
+      action: the groups of commands, in order.
+      command_noise: standard deviation of the Gaussian noise on each command, in the command's unit, shape (d,). It
+        is part of the simulation (an imperfect actuator), not of the policy.
       command_scale: the size of a full command, shape (d,); exploration is configured as a share of it.
       feedback: the gain matrix K of shape (d, n) for a feedback of 1; the configured feedback multiplies it.
-      rewards: hand-made rewards per step by name; each maps signals of shape (N, T) or (N, T, d) to (N, T),
-        where the value at t depends on the samples up to t.
-      environment_reward: the one of `rewards` that `dm_env` users get.
-      camera: of the model, for pictures.
+
+    What not every task can do is None where it cannot:
+      camera: of the model, for films.
+      skeleton: features (..., n) => points (..., P, 2), m: the robot as a polyline, for pictures of the plane.
     """
 
     name: str
+    control_timestep: float
+    steps: int
     observation: tuple[Quantity, ...]
     action: tuple[Quantity, ...]
-    environment_reward = "discrete"
-    camera: str
+    command_noise: Array
+    command_scale: Array
+    feedback: Array
+    camera: str | None = None
+    skeleton: Callable[[Array], Array] | None = None
 
-    def __init__(
-        self,
-        steps: int,
-        command_noise: Array,
-        command_scale: Array,
-        feedback: Array,
-        rewards: Mapping[str, StepReward],
-        random: np.random.RandomState | int | None = None,
-    ) -> None:
-        if steps < 2:
-            raise UserError(f"task.steps: {steps} is too short for an episode; it must be at least 2")
-        if np.any(command_noise < 0):
-            raise UserError("task.command_noise: a standard deviation cannot be negative")
-        self.steps = steps
-        self.command_noise = command_noise
-        self.command_scale = command_scale
-        self.feedback = feedback
-        self.rewards = dict(rewards)
-        self._episode: list[Array] = []
-        self.random = random if isinstance(random, np.random.RandomState) else np.random.RandomState(random)
+    @cached_property
+    def slices(self) -> Mapping[str, slice]:
+        """Where each group of features lies: `features[..., task.slices["velocities"]]`."""
+        ends = np.cumsum([len(group.parts) for group in self.observation])
+        return {
+            group.name: slice(int(end) - len(group.parts), int(end))
+            for group, end in zip(self.observation, ends, strict=True)
+        }
+
+    @property
+    def width(self) -> int:
+        """The number n of features."""
+        return sum(len(group.parts) for group in self.observation)
 
     @abc.abstractmethod
     def make_physics(self) -> mujoco.Physics:
@@ -91,7 +111,7 @@ class Task(control.Task, abc.ABC):  # type: ignore[misc]  # dm_control has no ty
 
     @abc.abstractmethod
     def features(self, qpos: Array, qvel: Array) -> Array:
-        """Features of a batch of states: (N, nq), (N, nv) => (N, len(observation))."""
+        """Features of a batch of states: (N, nq), (N, nv) => (N, n)."""
 
     @abc.abstractmethod
     def signals(self, features: Array, commands: Array) -> Signals:
@@ -112,46 +132,41 @@ class Task(control.Task, abc.ABC):  # type: ignore[misc]  # dm_control has no ty
         """What can be judged of trials by other means than the spec, from their last states (N, nq) and (N, nv)."""
         return {}
 
-    @abc.abstractmethod
-    def observe(self, physics: mujoco.Physics) -> collections.OrderedDict[str, Array]:
-        """The features of one live physics, in the order of `observation`."""
 
-    # dm_control.rl.control.Task
+def draw_command_noise(task: Task, shape: tuple[int, ...], rng: np.random.Generator | np.random.RandomState) -> Array:
+    """What the actuators add to commands: shape (*shape, d), in the commands' unit. Nothing else adds noise."""
+    return np.asarray(task.command_noise * rng.standard_normal((*shape, len(task.command_noise))))
 
-    def initialize_episode(self, physics: mujoco.Physics) -> None:
-        """Puts the robot at its start."""
-        physics.data.qpos[:], physics.data.qvel[:] = self.initial_state()
-        physics.forward()
-        self._episode = [self._flat_features(physics)]
 
-    def before_step(self, action: Array, physics: mujoco.Physics) -> None:
-        """Sends the command, disturbed by the actuators' noise; MuJoCo clips it to the actuators' range."""
-        physics.set_control(action + self.command_noise * self.random.standard_normal(len(self.action)))
+@dataclass(frozen=True)
+class NoReward:
+    """The coefficients of a task that has no hand-made rewards."""
 
-    def after_step(self, physics: mujoco.Physics) -> None:
-        """Remembers the episode: a reward may depend on what came before."""
-        self._episode.append(self._flat_features(physics))
+    step: dict[str, float] = setting("what step-based learners have instead", {})
 
-    def get_observation(self, physics: mujoco.Physics) -> collections.OrderedDict[str, Array]:
-        """The features by group, as `dm_env` users expect them."""
-        return self.observe(physics)
 
-    def get_reward(self, physics: mujoco.Physics) -> float:  # noqa: ARG002
-        """The hand-made reward of the latest sample; `physics` has nothing that the episode has not."""
-        features = np.array(self._episode)[None]
-        commands = np.zeros((1, features.shape[1], len(self.action)))  # no hand-made reward depends on them
-        return float(self.rewards[self.environment_reward](self.signals(features, commands))[0, -1])
+@dataclass(frozen=True)
+class TaskEntry:
+    """What a name in the registry of tasks stands for: how to build a task from configuration.
 
-    def action_spec(self, physics: mujoco.Physics) -> object:
-        """Bounds of the commands, from the model."""
-        return mujoco.action_spec(physics)
+    Attributes:
+      config: dataclass of the task's settings, each with a default; its field `name` is the task's name.
+      make: an instance of it => the task.
+      spec: file of the spec that goes with it, if there is one.
+      reward: dataclass of the coefficients of its hand-made rewards, each with a default; its field `step` says what
+        step-based learners have instead, name => value.
+      rewards: (coefficients, spec constants) => the hand-made rewards by name.
+      hand_made: their names, the one that `load_task` gives first.
+      evaluation: the config of the scene that learned policies are tried in, from that of training.
+    """
 
-    def get_termination(self, physics: mujoco.Physics) -> float | None:  # noqa: ARG002
-        """Discount 0 where the episode ends early."""
-        return 0.0 if self.terminated(self._episode[-1][None])[0] else None
-
-    def _flat_features(self, physics: mujoco.Physics) -> Array:
-        return np.concatenate([np.ravel(value) for value in self.observe(physics).values()])
+    config: type
+    make: Callable[[Any], Task]
+    spec: str | None = None
+    reward: type = NoReward
+    rewards: Callable[[Any, Mapping[str, Any]], dict[str, StepReward]] = lambda *_: {}
+    hand_made: tuple[str, ...] = ()
+    evaluation: Callable[[Any], Any] = lambda config: config
 
 
 def required_constants(constants: Mapping[str, Any], **kinds: type) -> list[Any]:
@@ -171,11 +186,3 @@ def required_constants(constants: Mapping[str, Any], **kinds: type) -> list[Any]
             f"{', '.join(constants) or 'none'}. Define them, or train on the spec alone: cases=[tltl_episodic]"
         )
     return [constants[name] for name in kinds]
-
-
-def environment(task: Task) -> control.Environment:
-    """The task as a `dm_env.Environment`: `reset` gives s_0, the last of T - 1 steps gives s_{T-1}."""
-    physics = task.make_physics()
-    # Half a step less than T - 1, so that rounding cannot add a step.
-    time_limit = (task.steps - 1.5) * CONTROL_TIMESTEP
-    return control.Environment(physics, task, time_limit=time_limit, control_timestep=CONTROL_TIMESTEP)

@@ -44,20 +44,20 @@ def set_up(run: Run) -> Setup:
     Raises:
       UserError: if the spec lacks what the hand-made reward needs, or the learner's settings do not fit.
     """
-    task = make_task(run)
+    task = make_task(run.task)
     return Setup(task, Simulator(task), make_reward(run), make_learner(run))
 
 
-def make_task(run: Run) -> Task:
-    """The task of training."""
-    task: Task = TASKS.get(run.task.name).make(run.task)
+def make_task(config: Any) -> Task:
+    """The task of training, from its config."""
+    task: Task = TASKS.get(config.name).make(config)
     return task
 
 
-def make_evaluation_task(run: Run) -> Task:
+def make_evaluation_task(config: Any) -> Task:
     """The task as learned policies are tried on it: the same, or a more truthful scene if the task has one."""
-    entry = TASKS.get(run.task.name)
-    task: Task = entry.make(entry.evaluation(run.task))
+    entry = TASKS.get(config.name)
+    task: Task = entry.make(entry.evaluation(config))
     return task
 
 
@@ -109,7 +109,7 @@ def check(study: Study) -> None:
     for run in first.values():
         make_learner(run)
         make_reward(run)
-    task = make_task(run)
+    task = make_task(study.task)
     _check_signals(study.spec, task)
     task.make_physics()
 

@@ -37,7 +37,7 @@ class Trials:
 
 def try_policy(run: Run, policy: Policy, count: int, rng: np.random.Generator) -> Trials:
     """`count` trials of the mean policy."""
-    task = make_evaluation_task(run)
+    task = make_evaluation_task(run.task)
     motion = trials(Simulator(task), policy, count, rng)
     signals = task.signals(motion.features, motion.commands)
     robustness = run.spec.robustness(signals, motion.lengths)

@@ -33,12 +33,9 @@ down sits where roll and yaw wrap from pi to -pi; the signal `rotation` does not
 
 from __future__ import annotations
 
-import collections
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import reduce
 from importlib.resources import files
-from typing import Any
 
 import numpy as np
 from dm_control import mujoco
@@ -47,15 +44,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from tltlrl.errors import UserError
-from tltlrl.tasks.task import (
-    CONTROL_TIMESTEP,
-    Array,
-    Quantity,
-    Signals,
-    StepReward,
-    Task,
-    required_constants,
-)
+from tltlrl.settings import check, setting
+from tltlrl.tasks.task import MOST_STEPS, Array, Quantity, Signals, Task
 
 # Kinematics of the right arm: Rethink Robotics' description (baxter_common 1.2.0). Each row is the child frame's
 # origin (m) and fixed-axis roll, pitch, yaw (rad) in its parent's frame; the joint then turns about the child's z axis.
@@ -93,53 +83,44 @@ RESTING_HEIGHT = 0.02  # m, of the slice's foot above the slot's floor, at most
 RESTING_SPEED = 0.01  # m/s, of the slice, at most
 
 
+ROUGH_MOTION = [  # s0, s1, e0, e1, w0, w1, w2, rad
+    [0.6596, -0.3849, -0.7403, 1.4209, 0.9226, 0.9014, -1.1426],  # beside the toaster: (0.60, -0.62, -0.10) m
+    [1.2158, -0.8042, -1.0417, 1.3851, 0.6594, 1.3581, -0.6208],  # above the toaster: (0.70, -0.38, 0.20) m
+    [1.1548, -0.6221, -0.9009, 1.4833, 0.7952, 1.1021, -0.6967],  # 3 cm beside the slot's centre: (0.70, -0.38, 0.05) m
+]
+
+
 @dataclass(frozen=True)
 class ToastConfig:
-    """The episode, and the rough hand-made motion that learning starts from; the defaults are in configs/task.
+    """The episode, and the rough hand-made motion that learning starts from.
 
     The reference motion is a polyline in joint space through `waypoints` at `waypoint_steps`, the last of them held,
-    with the gripper opening at `opening_step`. Waypoints are s0, s1, e0, e1, w0, w1, w2 in rad.
-
-    Attributes:
-      name: the task's name in results.
-      steps: samples of one episode; 100 at 20 Hz are 5 s.
-      waypoints: from the start to where the gripper stays, at least one.
-      waypoint_steps: sample at which each waypoint is passed; the first is 0.
-      opening_step: first step at which the reference commands an open gripper.
-      grip: how far beyond 0 and 100 the reference commands the gripper. Commands are clipped at both, so a small noise
-        does not loosen the grip.
-      command_noise: standard deviation of the noise on every command, as a share of its full size.
-      solid: the evaluation scene, where the toaster is solid and the bread a body that the gripper holds by friction.
-        Otherwise nothing collides, as in training.
+    with the gripper opening at `opening_step`. In training nothing collides; `solid` is the evaluation scene, where
+    the toaster is solid and the bread a body that the gripper holds by friction.
     """
 
-    name: str
-    steps: int
-    waypoints: list[list[float]]
-    waypoint_steps: list[int]
-    opening_step: int
-    grip: float
-    command_noise: float
-    solid: bool
+    name: str = setting("of the task", "toast")
+    steps: int = setting("samples of one episode; 100 at 20 Hz are 5 s", 100, least=2, most=MOST_STEPS)
+    waypoints: list[list[float]] = setting(
+        "of the rough motion that learning starts from: s0 s1 e0 e1 w0 w1 w2, rad", ROUGH_MOTION
+    )
+    waypoint_steps: list[int] = setting("sample at which each waypoint is passed; the first is 0", [0, 40, 60])
+    opening_step: int = setting("first step at which the rough motion opens the gripper", 52)
+    grip: float = setting("per cent beyond closed and open that it commands, so that noise loosens no grip", 20.0)
+    command_noise: float = setting(
+        "standard deviation of the actuators' noise, as a share of a full command", 0.005, least=0
+    )
+    solid: bool = setting("true: the toaster is solid and the bread a body, as in the evaluation trials", False)
 
-
-@dataclass(frozen=True)
-class ToastReward:
-    """Coefficients of eq. 3.9; the defaults are in configs/reward.
-
-    Attributes:
-      c1: price of a metre from the centre of the slot.
-      c2: gain of a metre from the centre of the toaster.
-      c3: price of one per cent of gripper position away from closed, before the slot was reached, or from open, after.
-      reached: distance from the centre of the slot that counts as having reached it, m.
-      step: what step-based REPS has instead of the above, name => value.
-    """
-
-    c1: float
-    c2: float
-    c3: float
-    reached: float
-    step: dict[str, float]
+    def __post_init__(self) -> None:
+        check(self, "task")
+        if any(len(waypoint) != len(JOINTS) for waypoint in self.waypoints):
+            raise UserError(f"task.waypoints: each needs the {len(JOINTS)} joint angles {', '.join(LINKS)}")
+        steps = self.waypoint_steps
+        if len(steps) != len(self.waypoints) or not steps or steps[0] != 0 or np.any(np.diff(steps) <= 0):
+            raise UserError(
+                f"task.waypoint_steps: {steps} must be {len(self.waypoints)} rising steps, one per waypoint, from 0"
+            )
 
 
 class Physics(mujoco.Physics):  # type: ignore[misc]  # dm_control has no types
@@ -182,34 +163,26 @@ class Physics(mujoco.Physics):  # type: ignore[misc]  # dm_control has no types
 class Toast(Task):
     """The toast-placing task."""
 
-    environment_reward = "continuous"
+    control_timestep = 0.05  # s: commands are sent at 20 Hz
     camera = "front"
     observation = (
-        *(Quantity(f"angle_{joint}", "rad") for joint in LINKS),
-        *(Quantity(f"velocity_{joint}", "rad/s") for joint in LINKS),
-        *(Quantity(f"end_effector_{axis}", "m") for axis in "xyz"),
-        *(Quantity(f"end_effector_{angle}", "rad") for angle in ("roll", "pitch", "yaw")),
-        Quantity("gripper", "%"),
+        Quantity("angles", "rad", tuple(f"angle_{joint}" for joint in LINKS)),
+        Quantity("velocities", "rad/s", tuple(f"velocity_{joint}" for joint in LINKS)),
+        Quantity("end_effector", "m", tuple(f"end_effector_{axis}" for axis in "xyz")),
+        Quantity("end_effector_rpy", "rad", ("end_effector_roll", "end_effector_pitch", "end_effector_yaw")),
+        Quantity("gripper", "%", ("gripper",)),
     )
-    action = (*(Quantity(f"speed_{joint}", "rad/s") for joint in LINKS), Quantity("gripper", "%"))
+    action = (
+        Quantity("speeds", "rad/s", tuple(f"speed_{joint}" for joint in LINKS)),
+        Quantity("gripper", "%", ("gripper",)),
+    )
 
-    def __init__(
-        self,
-        config: ToastConfig,
-        rewards: Mapping[str, StepReward],
-        random: np.random.RandomState | int | None = None,
-    ) -> None:
-        _check_waypoints(config)
-        scale = np.append(SPEED_LIMITS, GRIPPER_RANGE)
-        super().__init__(
-            steps=config.steps,
-            command_noise=config.command_noise * scale,
-            command_scale=scale,
-            feedback=np.eye(8, len(self.observation)) * np.append(np.ones(7), 0.0)[:, None],  # on the angles
-            rewards=rewards,
-            random=random,
-        )
+    def __init__(self, config: ToastConfig) -> None:
         self.name = config.name
+        self.steps = config.steps
+        self.command_scale = np.append(SPEED_LIMITS, GRIPPER_RANGE)
+        self.command_noise = config.command_noise * self.command_scale
+        self.feedback = np.eye(8, self.width) * np.append(np.ones(7), 0.0)[:, None]  # on the angles
         self.config = config
 
     def make_physics(self) -> Physics:
@@ -241,10 +214,10 @@ class Toast(Task):
         (N, T, 7): rad/s. `command` (N, T, 8): as the policy sent it and before it is clipped, rad/s and %.
         """
         return {
-            "ee": features[..., 14:17],
-            "rotation": rotation_from_release(features[..., 17:20]),
-            "gripper": features[..., 20],
-            "velocities": features[..., 7:14],
+            "ee": features[..., self.slices["end_effector"]],
+            "rotation": rotation_from_release(features[..., self.slices["end_effector_rpy"]]),
+            "gripper": features[..., self.slices["gripper"]][..., 0],
+            "velocities": features[..., self.slices["velocities"]],
             "command": commands,
         }
 
@@ -256,7 +229,7 @@ class Toast(Task):
             [np.interp(samples, config.waypoint_steps, path) for path in np.transpose(config.waypoints)],
             axis=-1,
         )
-        speeds = np.diff(angles, axis=0, append=angles[-1:]) / CONTROL_TIMESTEP
+        speeds = np.diff(angles, axis=0, append=angles[-1:]) / self.control_timestep
         opened = samples >= config.opening_step
         gripper = np.where(opened, GRIPPER_RANGE + config.grip, -config.grip)
         fingers = np.outer(opened, [FINGER_TRAVEL, -FINGER_TRAVEL])
@@ -279,61 +252,8 @@ class Toast(Task):
 
     def terminated(self, features: Array) -> NDArray[np.bool_]:
         """Touching the table ends an episode, judged by the end-effector's height alone."""
-        return np.asarray(features[..., 16] < TABLE_HEIGHT)
-
-    def observe(self, physics: Physics) -> collections.OrderedDict[str, Array]:
-        """The 21 features in five groups."""
-        return collections.OrderedDict(
-            angles=physics.joint_angles(),
-            velocities=physics.joint_velocities(),
-            end_effector=physics.end_effector(),
-            end_effector_rpy=physics.end_effector_rpy(),
-            gripper=np.array([physics.gripper_position()]),
-        )
-
-
-def toast_rewards(coefficients: ToastReward, constants: Mapping[str, Any]) -> dict[str, StepReward]:
-    """Eq. 3.9, the case study's comparison, as `continuous`.
-
-    Near the slot, far from the toaster, the gripper closed until the slot was reached and open from then on.
-
-    The reward maps the signals `ee` (..., T, 3) and `gripper` (..., T) to (..., T). The centre of "the toaster regions"
-    from which it measures the distance is that of the toaster.
-
-    Args:
-      coefficients: of eq. 3.9.
-      constants: the spec's: slot_centre and toaster_centre, (x, y, z) in m.
-
-    Raises:
-      UserError: if the spec has no such constants.
-    """
-    slot, toaster = (np.array(c) for c in required_constants(constants, slot_centre=tuple, toaster_centre=tuple))
-
-    def continuous(signals: Mapping[str, Array]) -> Array:
-        to_slot = np.linalg.norm(signals["ee"] - slot, axis=-1)
-        to_toaster = np.linalg.norm(signals["ee"] - toaster, axis=-1)
-        wanted = np.where(reached_before(to_slot, coefficients.reached), GRIPPER_RANGE, 0.0)
-        gripper_error = np.abs(wanted - signals["gripper"])
-        return np.asarray(-coefficients.c1 * to_slot + coefficients.c2 * to_toaster - coefficients.c3 * gripper_error)
-
-    return {"continuous": continuous}
-
-
-def _check_waypoints(config: ToastConfig) -> None:
-    if any(len(waypoint) != len(JOINTS) for waypoint in config.waypoints):
-        raise UserError(f"task.waypoints: each needs the {len(JOINTS)} joint angles {', '.join(LINKS)}")
-    steps = config.waypoint_steps
-    if len(steps) != len(config.waypoints) or not steps or steps[0] != 0 or np.any(np.diff(steps) <= 0):
-        raise UserError(
-            f"task.waypoint_steps: {steps} must be {len(config.waypoints)} rising steps, one per waypoint, from 0"
-        )
-
-
-def reached_before(distance: Array, radius: float) -> NDArray[np.bool_]:
-    """Whether the distance was below `radius` at some sample before t: (..., T) => (..., T); never at t = 0."""
-    closest = np.minimum.accumulate(distance, axis=-1)
-    never = np.full_like(distance[..., :1], np.inf)
-    return np.asarray(np.concatenate([never, closest[..., :-1]], axis=-1) < radius)
+        height = features[..., self.slices["end_effector"]][..., 2]
+        return np.asarray(height < TABLE_HEIGHT)
 
 
 def forward_kinematics(angles: Array) -> tuple[Array, Array]:
@@ -381,7 +301,7 @@ def gripper_position(left: Array, right: Array) -> Array:
 
 def model_xml(solid: bool) -> str:
     """toast.xml, the evaluation scene; unless `solid` without the bread and without contacts, for training."""
-    root = etree.fromstring(files("tltlrl.tasks").joinpath("toast.xml").read_bytes())
+    root = etree.fromstring(files("tltlrl.tasks.toast").joinpath("toast.xml").read_bytes())
     option = root.find("./option")
     if solid:
         option.set("timestep", repr(SOLID_TIMESTEP))
