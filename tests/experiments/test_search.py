@@ -98,12 +98,12 @@ def test_a_stopped_search_goes_on_to_the_same_bytes(undisturbed, tmp_path, monke
 
         begun = []
 
-        def stopped(experiment, command):
-            begun.append(experiment.name)
+        def stopped(study, machinery, command):
+            begun.append(study.name)
             if len(begun) < 2:
-                return tltlrl.experiments.experiment.run_experiment(experiment, command)
+                return tltlrl.experiments.experiment.run_experiment(study, machinery, command)
             if moment == "told":
-                tltlrl.experiments.experiment.run_experiment(experiment, command)
+                tltlrl.experiments.experiment.run_experiment(study, machinery, command)
             elif moment == "running":
                 shutil.copytree(undisturbed / "trial_001", "runs/small/trial_001")
                 Path("runs/small/trial_001/continuous_episodic/seed_101/done.json").unlink()
@@ -163,16 +163,16 @@ def test_another_search_in_the_folder_is_refused_with_the_difference(
 
 def test_a_failed_trial_is_told_and_the_search_goes_on(tmp_path, monkeypatch, capsys):
     """Too few samples for epsilon = 1.5 make no experiment; a run that fails is of one that was possible."""
-    import tltlrl.training.loop
+    from tltlrl.training import session
 
-    iterate = tltlrl.training.loop.iterate
+    iterate = session.iterate
 
     def failing(run, *rest):
         if run.algorithm.samples == 6:
             raise ValueError("a return is not a number")
         return iterate(run, *rest)
 
-    monkeypatch.setattr(tltlrl.training.loop, "iterate", failing)
+    monkeypatch.setattr(session, "iterate", failing)
     kept = [word for word in SMALL if not word.startswith("algorithm.samples")]
     space = ("algorithm.samples=range(4,9,2)", "algorithm.epsilon=interval(1.2,1.7)")
     assert tltl_search(*kept, *space, "--trials", 8, "--seed", 1) == 1
@@ -199,7 +199,7 @@ def test_a_failed_trial_is_told_and_the_search_goes_on(tmp_path, monkeypatch, ca
     [
         ((), "say what to search, as in 'reward.c2=interval(0,0.4)'"),
         (("reward.c9=interval(0,1)",), "reward.c9: no such key; did you mean"),
-        (("algorithm.covariance=damped,publishd",), "no rule is named publishd; did you mean published?"),
+        (("algorithm.covariance=damped,publishd",), "there is no publishd; did you mean published?"),
         (("algorithm.samples=interval(4,8)",), "algorithm.samples: "),
         (("seeds=1,2",), "seeds: it cannot be searched"),
         (("reward.c2=tag(log,interval(0,1))",), "reward.c2: tag(log,interval(0,1)) cannot be searched; there are"),
