@@ -50,7 +50,7 @@ def completed(overrides: Sequence[str]) -> list[str]:
     task = given.get("task")
     if task is None or given.keys() & {"experiment", "~experiment"}:
         return addable
-    chosen = ["~experiment", f"+task={task}", f"+reward={given.get('reward', task)}"]
+    chosen = ["~experiment", f"+reward={given.get('reward', task)}", f"+task={task}"]  # the last is looked for first
     standing = [f"name={quoted(task)}", "cases=[tltl_episodic]"]
     if (spec := spec_of(task)) is not None:
         standing.append(f"spec={quoted(spec)}")
