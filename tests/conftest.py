@@ -1,6 +1,17 @@
 """The same examples on every run: a test that fails once fails again."""
 
+from pathlib import Path
+
+import pytest
 from hypothesis import settings
 
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
+
+
+@pytest.fixture
+def package(monkeypatch):
+    """The folder of a package with a task and a learner of its own, on the path as if it were installed."""
+    folder = Path(__file__).parent / "package"
+    monkeypatch.syspath_prepend(folder)
+    return folder

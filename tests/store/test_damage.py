@@ -237,7 +237,7 @@ def test_a_checkpoint_that_cannot_be_gone_on_from_is_told(undisturbed, copy, gar
     (copy / RUN / "checkpoint.npz").write_bytes(content)
     code, errors = tltl_run(copy)
     assert code == 0
-    assert f"{copy}/{RUN}: checkpoint.npz cannot be gone on from (" in errors
+    assert f"{copy}/{RUN}: a run cannot be resumed from its checkpoint.npz (" in errors
     assert AGAIN in errors
     assert result(copy) == result(undisturbed)
 
@@ -335,7 +335,7 @@ def test_if_no_run_finishes_nothing_of_earlier_ones_is_shown(copy):
         def iterate(*_):
             raise ValueError("no signal")
 
-        tltlrl.training.loop.iterate = iterate
+        tltlrl.training.session.iterate = iterate
 
     for seed in (0, 1):
         (copy / f"tltl_episodic/seed_{seed}/policy.npz").unlink()
@@ -352,7 +352,7 @@ def test_if_no_run_finishes_nothing_of_earlier_ones_is_shown(copy):
 @pytest.mark.parametrize("more", [(), ("overwrite=true",)])
 def test_a_second_command_on_a_folder_is_refused_with_the_process_that_holds_it(copy, more):
     before = result(copy)
-    with tltlrl.experiments.experiment.lock(copy):
+    with tltlrl.experiments.folder.working_in(copy):
         code, errors = in_a_child(nothing, cli.run, *SMALL, f"runs_dir={copy.parent}", *more)
     assert code == 2
     assert errors == (f"tltl-run: process {os.getpid()} is working in {copy}; wait for it, or set another name=...\n")

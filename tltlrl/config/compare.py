@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,21 +18,24 @@ def flatten(config: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     return flat
 
 
-def differences(before: Mapping[str, Any], now: Mapping[str, Any], growing: tuple[str, ...] = ()) -> str:
+def differences(
+    before: Mapping[str, Any], now: Mapping[str, Any], growing: Collection[str] = (), added: Collection[str] = ()
+) -> str:
     """What keeps results of one config from being continued under another, one line each; empty if nothing does.
 
-    A spec is the same if its file's name is, wherever it lies: its text is compared apart. A setting of `algorithm`
-    that is absent there belongs to a learner that had no case there (`read` keeps all settings of those that had).
+    A spec is the same if its file's name is, wherever it lies: its text is compared apart.
 
     Args:
       before, now: the two configs.
       growing: keys with several members, which may have more of them now.
+      added: keys, with their sections, that may be missing before.
     """
     old, new = (flatten(config) | {"spec": Path(str(config.get("spec"))).name} for config in (before, now))
+    free = {*growing, *(key for key in added if key not in old)}
     lines = [
         f"  {key}: {old.get(key, 'absent')} there, {new.get(key, 'absent')} now"
         for key in sorted(old.keys() | new.keys())
-        if old.get(key) != new.get(key) and key not in growing and (key in old or not key.startswith("algorithm."))
+        if old.get(key) != new.get(key) and key not in free
     ]
     lines += [
         f"  {key}: {before.get(key)} there, {now.get(key)} now (they can only grow)"
@@ -42,5 +45,6 @@ def differences(before: Mapping[str, Any], now: Mapping[str, Any], growing: tupl
     return "\n".join(lines)
 
 
-def _members(value: Any) -> set[Any]:
-    return set(range(value)) if isinstance(value, int) else set(value or ())
+def _members(value: Any) -> set[str]:
+    members = range(value) if isinstance(value, int) else value
+    return {str(member) for member in members} if isinstance(members, range | list) else {str(value)}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -212,9 +213,8 @@ def prepare(folder: Path, study: Study, overwrite: bool) -> list[str]:
     if before is not None and overwrite:
         empty(folder, config)
     elif before is not None:
-        growing = tuple(having(Role.GROWS))
-        if wrong := differences(before, study.settings, growing):
-            if known is None or differences(known["config"], study.settings, growing):
+        if wrong := changes(before, study):
+            if known is None or changes(known["config"], study):
                 raise UserError(
                     f"{folder} holds results of another config:\n{wrong}\n"
                     f"Set another name=... (now {study.name}), or overwrite=true to delete what is there."
@@ -234,6 +234,22 @@ def prepare(folder: Path, study: Study, overwrite: bool) -> list[str]:
     write_text(spec_copy, study.spec.text)
     write_text(config, yaml.safe_dump(dict(study.settings), sort_keys=False))
     return notes
+
+
+def changes(before: Mapping[str, Any], study: Study) -> str:
+    """What makes a study another one than that of a result's config.yaml, one line each.
+
+    It may have more cases and seeds, and the settings of a learner that had no case before.
+    """
+    cases = before.get("cases")
+    had = {case.learner for case in study.cases if isinstance(cases, list) and case.name in cases}
+    added = {
+        f"algorithm.{field.name}"
+        for name, own in study.learners.items()
+        for field in dataclasses.fields(own)
+        if name not in had
+    }
+    return differences(before, study.settings, having(Role.GROWS), added)
 
 
 def _settings_before(folder: Path, known: Mapping[str, Any] | None) -> tuple[dict[str, Any] | None, bool]:
