@@ -7,7 +7,7 @@ import pytest
 
 from tltlrl.cli import main as cli
 from tltlrl.config.compose import compose
-from tltlrl.config.read import experiment_from
+from tltlrl.config.read import read
 from tltlrl.experiments.experiment import run_experiment
 
 RUN = "tltl_episodic/seed_0"
@@ -18,7 +18,7 @@ def experiment(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs")
     overrides = ["experiment=reach_avoid", "seeds=2", "cases=[tltl_episodic,continuous_step]", "trials=2", "workers=1"]
     settings = compose([*overrides, "task.steps=12", "algorithm.iterations=2", f"runs_dir={folder}"])
-    assert run_experiment(experiment_from(settings), ["test"])
+    assert run_experiment(*read(settings), ["test"])
     return folder / "reach_avoid"
 
 

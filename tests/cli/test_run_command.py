@@ -75,7 +75,12 @@ def test_the_folder_of_a_finished_experiment(undisturbed):
         assert {p.name for p in (undisturbed / case).iterdir() if p.is_file()} == {"workspace.png", "workspace.pdf"}
         for seed in (0, 1):
             run_folder = undisturbed / case / f"seed_{seed}"
-            assert {p.name for p in run_folder.iterdir()} == {"progress.csv", "timing.csv", "policy.npz", "done.json"}
+            assert {p.name for p in run_folder.iterdir()} - {".lock"} == {
+                "progress.csv",
+                "timing.csv",
+                "policy.npz",
+                "done.json",
+            }
 
 
 def test_learning_curves_have_the_promised_columns_and_rows(undisturbed):
@@ -366,7 +371,7 @@ MISTAKES = {
         "tltl-run: algorithm.epsilon: nan is not a finite number"
     ),
     ("experiment=reach_avoid", "algorithm.covariance=dampd"): (
-        "tltl-run: algorithm.covariance: no rule is named dampd; did you mean damped?"
+        "tltl-run: algorithm.covariance: there is no dampd; did you mean damped?"
     ),
     ("experiment=reach_avoid", "cases=[tltl_step]"): (
         "tltl-run: cases: no case is named tltl_step; did you mean tltl_episodic?"
@@ -387,10 +392,10 @@ MISTAKES = {
         "tltl-run: task.link_lengths: [1.0, 1.0] must be three positive lengths, m"
     ),
     ("experiment=reach_avoid", "task.steps=-3"): (
-        "tltl-run: task.steps: -3 is too short for an episode; it must be at least 2"
+        "tltl-run: task.steps: -3 is too small; it must be at least 2"
     ),
     ("experiment=reach_avoid", "task.command_noise=-1"): (
-        "tltl-run: task.command_noise: a standard deviation cannot be negative"
+        "tltl-run: task.command_noise: -1.0 is too small; it must be at least 0"
     ),
     ("experiment=reach_avoid", "seeds=3000000000000000000000"): (
         "tltl-run: seeds: 3000000000000000000000 are too many; at most 10000, or a list of the seeds themselves"
@@ -595,7 +600,7 @@ def test_help_is_for_people_who_do_not_know_hydra(tmp_path):
     assert code == 0
     for line in ("Examples", "Experiments: reach_avoid, toast, visit_in_order", "samples: 20", "Exit codes:"):
         assert line in output
-    assert re.search(r"^    epsilon: 1.0 +# bound of the samples' KL per update, nats$", output, re.MULTILINE)
+    assert re.search(r"^    epsilon: 1.0 +# bound of the samples' KL per update, nats; below log", output, re.MULTILINE)
     assert re.search(r"^    steps: 200$", output, re.MULTILINE)
     assert max(len(line) for line in output.splitlines()) <= 100
     assert list(tmp_path.iterdir()) == []
@@ -604,7 +609,9 @@ def test_help_is_for_people_who_do_not_know_hydra(tmp_path):
 def test_help_is_about_the_experiment_that_is_given(capsys):
     assert cli.run(["experiment=toast", "--help"]) == 0
     output = capsys.readouterr().out
-    assert re.search(r"^    opening_step: 52 +# the rough motion lets go 0.4 s too early$", output, re.MULTILINE)
+    assert re.search(
+        r"^    opening_step: 52 +# first step at which the rough motion opens the gripper$", output, re.MULTILINE
+    )
     assert max(len(line) for line in output.splitlines()) <= 100
 
 

@@ -163,16 +163,16 @@ def test_another_search_in_the_folder_is_refused_with_the_difference(
 
 def test_a_failed_trial_is_told_and_the_search_goes_on(tmp_path, monkeypatch, capsys):
     """Too few samples for epsilon = 1.5 make no experiment; a run that fails is of one that was possible."""
-    import tltlrl.training.loop
+    from tltlrl.training import session
 
-    iterate = tltlrl.training.loop.iterate
+    iterate = session.iterate
 
     def failing(run, *rest):
         if run.algorithm.samples == 6:
             raise ValueError("a return is not a number")
         return iterate(run, *rest)
 
-    monkeypatch.setattr(tltlrl.training.loop, "iterate", failing)
+    monkeypatch.setattr(session, "iterate", failing)
     kept = [word for word in SMALL if not word.startswith("algorithm.samples")]
     space = ("algorithm.samples=range(4,9,2)", "algorithm.epsilon=interval(1.2,1.7)")
     assert tltl_search(*kept, *space, "--trials", 8, "--seed", 1) == 1

@@ -335,7 +335,7 @@ def test_if_no_run_finishes_nothing_of_earlier_ones_is_shown(copy):
         def iterate(*_):
             raise ValueError("no signal")
 
-        tltlrl.training.loop.iterate = iterate
+        tltlrl.training.session.iterate = iterate
 
     for seed in (0, 1):
         (copy / f"tltl_episodic/seed_{seed}/policy.npz").unlink()

@@ -127,24 +127,34 @@ def _algorithm(values: Mapping[str, Any], learners: tuple[str, ...]) -> tuple[Al
         if key not in known:
             raise UserError(f"algorithm.{key}: no such key{nearest(str(key), known)}")
 
-    def of(kind: type) -> Any:
+    def of(kind: type, whole: bool) -> Any:
         names = {field.name for field in dataclasses.fields(kind)}
-        return dataclass_from(kind, {key: value for key, value in values.items() if key in names}, "algorithm")
+        return dataclass_from(kind, {key: value for key, value in values.items() if key in names}, "algorithm", whole)
 
-    return of(AlgorithmConfig), {name: of(LEARNERS.get(name).Settings) for name in learners}
+    own = {name: of(LEARNERS.get(name).Settings, name in LEARNERS.built_in) for name in learners}
+    return of(AlgorithmConfig, True), own
 
 
-def dataclass_from(kind: type[Settings], values: Mapping[str, Any], where: str) -> Settings:
-    """An instance of a config dataclass, its keys and types checked; what is not given has its default.
+def dataclass_from(kind: type[Settings], values: Mapping[str, Any], where: str, whole: bool = True) -> Settings:
+    """An instance of a config dataclass, its keys and types checked.
+
+    Args:
+      kind: the dataclass.
+      values: of its fields.
+      where: the section's name, for messages.
+      whole: whether a field that is not given is a mistake; otherwise it has its default.
 
     Raises:
       UserError: naming `where`.key.
     """
     names = [field.name for field in dataclasses.fields(kind)]  # type: ignore[arg-type]
-    settings: Any = OmegaConf.structured(kind)
-    for key, value in values.items():
+    for key in values:
         if key not in names:
             raise UserError(f"{where}.{key}: no such key{nearest(str(key), names)}")
+    if whole and (missing := [name for name in names if name not in values]):
+        raise UserError(f"{where}.{missing[0]}: missing from the config; is {where} the one of this experiment?")
+    settings: Any = OmegaConf.structured(kind)
+    for key, value in values.items():
         try:
             settings = OmegaConf.merge(settings, {key: value})
         except OmegaConfBaseException as error:
