@@ -2,6 +2,8 @@
 
 import re
 import shutil
+import subprocess
+import sys
 
 import pytest
 
@@ -9,6 +11,7 @@ from tltlrl.cli import main as cli
 from tltlrl.config.compose import compose
 from tltlrl.config.read import read
 from tltlrl.experiments.experiment import run_experiment
+from tltlrl.resources import SPECS
 
 RUN = "tltl_episodic/seed_0"
 
@@ -103,3 +106,49 @@ def test_a_policy_file_with_pickled_objects_is_refused(experiment, tmp_path, cap
     code, _, errors = tltl(capsys, "evaluate", copy / RUN)
     assert code == 2
     assert "allow_pickle=False" in errors
+
+
+def modules_of(*arguments):
+    """What the command `tltl ARGUMENTS` has imported when it ends."""
+    code = f"""
+import sys
+from tltlrl.cli.main import main
+try:
+    main({list(arguments)!r})
+except SystemExit as ended:
+    assert not ended.code
+print(*sys.modules)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
+    return set(done.stdout.splitlines()[-1].split())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "without"),
+    [
+        (["--help"], {"numpy", "lark", "hydra", "importlib.metadata", "yaml"}),
+        (["--version"], {"numpy", "lark", "hydra", "importlib.metadata", "yaml"}),
+        (["check", str(SPECS / "reach_avoid.tltl")], {"mujoco", "dm_control", "hydra", "pandas", "matplotlib"}),
+        (["check", "--help"], {"mujoco", "dm_control", "hydra", "pandas", "matplotlib"}),
+        (["search", "--help"], {"mujoco", "dm_control", "pandas", "matplotlib", "optuna"}),
+    ],
+    ids=" ".join,
+)  # fmt: skip
+def test_a_command_imports_only_what_it_needs(arguments, without):
+    assert not without & modules_of(*arguments)
+
+
+def test_the_page_lists_every_command_and_each_has_its_own(capsys):
+    code, page, _ = tltl(capsys, "--help")
+    assert code == 0
+    for name, about in cli.COMMANDS.items():
+        assert re.search(rf"^    {name} +{re.escape(about[:30])}", page, flags=re.MULTILINE)
+        code, own, _ = tltl(capsys, name, "--help")
+        assert (code, own.split()[:3]) == (0, ["usage:", "tltl", name])
+
+
+@pytest.mark.parametrize(("arguments", "message"), [((), "say which command"), (("evalute",), "invalid choice")])
+def test_what_is_no_command_is_told(capsys, arguments, message):
+    code, _, errors = tltl(capsys, *arguments)
+    assert code == 2
+    assert message in errors

@@ -98,12 +98,12 @@ def test_a_stopped_search_goes_on_to_the_same_bytes(undisturbed, tmp_path, monke
 
         begun = []
 
-        def stopped(experiment, command):
-            begun.append(experiment.name)
+        def stopped(study, machinery, command):
+            begun.append(study.name)
             if len(begun) < 2:
-                return tltlrl.experiments.experiment.run_experiment(experiment, command)
+                return tltlrl.experiments.experiment.run_experiment(study, machinery, command)
             if moment == "told":
-                tltlrl.experiments.experiment.run_experiment(experiment, command)
+                tltlrl.experiments.experiment.run_experiment(study, machinery, command)
             elif moment == "running":
                 shutil.copytree(undisturbed / "trial_001", "runs/small/trial_001")
                 Path("runs/small/trial_001/continuous_episodic/seed_101/done.json").unlink()
@@ -199,7 +199,7 @@ def test_a_failed_trial_is_told_and_the_search_goes_on(tmp_path, monkeypatch, ca
     [
         ((), "say what to search, as in 'reward.c2=interval(0,0.4)'"),
         (("reward.c9=interval(0,1)",), "reward.c9: no such key; did you mean"),
-        (("algorithm.covariance=damped,publishd",), "no rule is named publishd; did you mean published?"),
+        (("algorithm.covariance=damped,publishd",), "there is no publishd; did you mean published?"),
         (("algorithm.samples=interval(4,8)",), "algorithm.samples: "),
         (("seeds=1,2",), "seeds: it cannot be searched"),
         (("reward.c2=tag(log,interval(0,1))",), "reward.c2: tag(log,interval(0,1)) cannot be searched; there are"),

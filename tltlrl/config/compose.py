@@ -12,7 +12,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from tltlrl.config.compare import flatten
 from tltlrl.errors import UserError, module_of, nearest
+from tltlrl.registry import TASKS
 from tltlrl.resources import CONFIGS
 
 GROUPS = ("experiment", "task", "reward", "algorithm", "engine")  # chosen by the name of a file in configs/
@@ -34,7 +36,7 @@ def compose(overrides: Sequence[str]) -> dict[str, Any]:
             written = f"{key}=[...]" if "(" in value else f"{key}=[{value}]"
             raise UserError(f"{key}={value}: a list is written {written}; several experiments with -m (see --help)")
     with complaints_told(overrides), initialized():
-        config = hydra_compose("config", [_addable(override) for override in completed(overrides)])
+        config = hydra_compose("config", completed(overrides))
         settings: Any = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
     if "experiment" in settings:  # there is nothing to be found at this key
         raise UserError("experiment: the first line of the file that is chosen has to be `# @package _global_`")
@@ -42,30 +44,26 @@ def compose(overrides: Sequence[str]) -> dict[str, Any]:
 
 
 def completed(overrides: Sequence[str]) -> list[str]:
-    """The overrides with what an experiment would add to them, where a task is given and no experiment.
-
-    A task of a package has no files in configs/: its settings' defaults stand in for them.
-    """
+    """The overrides as Hydra needs them; task=NAME without an experiment becomes one, to learn from the spec."""
+    addable = [_addable(override) for override in overrides]
     given = {key: value for key, _, value in (override.partition("=") for override in overrides)}
-    if "task" not in given or "experiment" in given:
-        return list(overrides)
-    from hydra.core.config_store import ConfigStore
+    task = given.get("task")
+    if task is None or given.keys() & {"experiment", "~experiment"}:
+        return addable
+    chosen = ["~experiment", f"+reward={given.get('reward', task)}", f"+task={task}"]  # the last is looked for first
+    standing = [f"name={quoted(task)}", "cases=[tltl_episodic]"]
+    if (spec := spec_of(task)) is not None:
+        standing.append(f"spec={quoted(spec)}")
+    rest = [override for override in addable if override.partition("=")[0] not in ("task", "reward")]
+    return [*chosen, *standing, *rest]
 
-    from tltlrl.registry import TASKS
 
-    name = given["task"]
-    added = ["~experiment", f"+task={name}", *([] if "reward" in given else [f"+reward={name}"])]
-    if name in TASKS.names():
-        entry = TASKS.get(name)
-        if name not in names("task"):
-            store = ConfigStore.instance()
-            store.store(group="task", name=name, node=dataclasses.asdict(entry.config()))
-            store.store(group="reward", name=name, node=dataclasses.asdict(entry.reward()))
-        of_task = {"name": name, "cases": "[tltl_episodic]"} | ({"spec": entry.spec} if entry.spec else {})
-        added += [f"{key}={value}" for key, value in of_task.items() if key not in given]
-    groups = ("task", "reward")
-    kept = [f"+{o}" if o.partition("=")[0] in groups[1:] else o for o in overrides if o.partition("=")[0] != "task"]
-    return [*added, *kept]
+def spec_of(task: str) -> str | None:
+    """The spec that comes with a task, if one does."""
+    if task not in TASKS.names():
+        return None
+    spec: str | None = TASKS.get(task).spec
+    return spec
 
 
 def parse(overrides: Sequence[str]) -> list[Any]:
@@ -112,10 +110,24 @@ def initialized() -> contextlib.AbstractContextManager[Any]:
     """Hydra with the configs that come with tltlrl."""
     from hydra import initialize_config_dir
 
+    _offer_tasks()
     manager: contextlib.AbstractContextManager[Any] = initialize_config_dir(
         str(CONFIGS), job_name="tltl-run", version_base="1.3"
     )
     return manager
+
+
+def _offer_tasks() -> None:
+    """Tells Hydra of the tasks of installed packages, which have no files in configs/: their defaults are in code."""
+    from hydra.core.config_store import ConfigStore
+
+    for name in TASKS.names():
+        if name in TASKS.built_in:
+            continue
+        with contextlib.suppress(Exception):  # told to those who choose it
+            entry = TASKS.get(name)
+            for group, kind in (("task", entry.config), ("reward", entry.reward)):
+                ConfigStore.instance().store(name, dataclasses.asdict(kind()), group)
 
 
 @contextlib.contextmanager
@@ -132,10 +144,7 @@ def complaints_told(overrides: Sequence[str]) -> Iterator[None]:
     except ConfigCompositionException as error:
         raise UserError(_explain_composition(error, overrides)) from error
     except MissingMandatoryValue as error:
-        raise UserError(
-            f"{error.full_key}: it has no value; experiment=NAME gives it one (a file of your own for that begins "
-            f"with the line `# @package _global_`)"
-        ) from error
+        raise UserError(_explain_missing(str(error.full_key), overrides)) from error
     except (HydraException, OmegaConfBaseException) as error:
         raise UserError(str(error).splitlines()[0]) from error
     except yaml.MarkedYAMLError as error:
@@ -152,13 +161,23 @@ def complaints_told(overrides: Sequence[str]) -> Iterator[None]:
 
 
 def names(group: str) -> list[str]:
-    """The files of a group that come with tltlrl."""
-    return sorted(path.stem for path in (CONFIGS / group).glob("*.yaml"))
+    """What can be chosen of a group: the files that come with tltlrl, and the tasks of installed packages."""
+    files = {path.stem for path in (CONFIGS / group).glob("*.yaml")}
+    return sorted(files.union(TASKS.names()) if group == "task" else files)
 
 
 def _addable(override: str) -> str:
-    """Hydra wants ++ before a key that the config does not have yet, as any constant of a spec."""
-    return f"++{override}" if override.startswith("constants.") else override
+    """Hydra wants ++ before a key that the config may not have yet: a spec's constant, a learner's own setting."""
+    return f"++{override}" if override.startswith(("constants.", "algorithm.")) else override
+
+
+def _explain_missing(key: str, overrides: Sequence[str]) -> str:
+    if key == "spec" and any(override.startswith("task=") for override in overrides):
+        return "spec: it has no value; give the .tltl file of what is to be learned, as in spec=my_task.tltl"
+    return (
+        f"{key}: it has no value; experiment=NAME gives it one (a file of your own for that begins "
+        f"with the line `# @package _global_`)"
+    )
 
 
 def _explain_unreadable(override: str) -> str:
@@ -176,6 +195,8 @@ def _explain_composition(error: Any, overrides: Sequence[str]) -> str:
     options = getattr(error, "options", None)
     if options is not None and error.missing_cfg_file:
         group, _, name = error.missing_cfg_file.rpartition("/")
+        if group == "task" and name in TASKS.names():
+            TASKS.get(name)  # says why it could not be offered
         return f"{group}={name}: there is no such {group}{nearest(name, options)}"
     text = str(error)
     if unknown := re.match(r"Could not (?:override|delete from config|append to config)[^']*'([^']+)'", text):
@@ -191,8 +212,6 @@ def _explain_composition(error: Any, overrides: Sequence[str]) -> str:
 
 def _valid_keys(overrides: Sequence[str]) -> set[str]:
     """Every key of the chosen experiment's config, dotted, and the groups; none if it cannot be composed."""
-    from tltlrl.config.keys import flatten
-
     try:
         config = compose([o for o in overrides if o.partition("=")[0] in (*GROUPS, "hydra.searchpath")])
     except UserError:

@@ -1,100 +1,128 @@
-"""The one table of keys: what each may hold, what it decides, and what it means.
+"""The table of keys: what each key of a config means, may be, and is for.
 
-The help page, the refusal of a changed folder, `-m`, `tltl search` and the reader of manifests all read it. The keys
-of the sections (task, reward, algorithm, engine) stand beside their values, in the dataclasses' `setting` fields.
+Here are the top-level keys. Those of the sections `task`, `reward`, `algorithm` and `engine` are the fields of the
+dataclasses that the sections become, and say the same of themselves: see `tltlrl.settings` and `sections`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from enum import Enum
+from enum import Flag, auto
 from typing import Any
 
-from tltlrl.registry import LEARNERS
-from tltlrl.settings import Setting, setting, settings_of
-from tltlrl.training.study import AlgorithmConfig
+from tltlrl.config.machinery import Engine, Machinery
+from tltlrl.learning.reps import RepsSettings
+from tltlrl.registry import LEARNERS, TASKS
+from tltlrl.settings import Setting, settings_of
+from tltlrl.training.study import MOST_SEEDS, AlgorithmConfig, Study
 
 
-class Role(Enum):
-    """What a key decides."""
+class Role(Flag):
+    """What a key is for.
 
-    RESULT = "what the results are"
-    GROWS = "which runs there are: more extend a folder, anything else makes it another experiment"
-    BUDGET = "how dear the results are; a search looks for values with less"
-    NAME = "what the results are called"
-    PLACE = "where the results lie"
-    MACHINERY = "how they are computed, never what comes out"
+    RESULT: another value makes another experiment. NAMES: so does this, and it says where the results lie. GROWS: more
+    of it extends a folder. BUDGET: it is for one command alone, as it makes results cheaper or dearer; the command of a
+    search's best candidate leaves it out. SEARCHED: `tltl search` may vary it. MACHINERY: how, but not what; a result's
+    config.yaml leaves it out.
+    """
+
+    RESULT = auto()
+    NAMES = auto()
+    GROWS = auto()
+    BUDGET = auto()
+    SEARCHED = auto()
+    MACHINERY = auto()
 
 
 @dataclass(frozen=True)
 class Key:
-    """One key at the top of a config.
+    """One top-level key.
 
     Attributes:
-      kinds: types of its value.
-      meaning: for the help page.
-      role: what it decides.
-      searched: whether `tltl search` may vary it; trials of another spec or other seeds could not be compared.
-      default: of places and machinery, which a result's config.yaml does not keep.
+      kinds: the types that it may have.
+      setting: its meaning and its bounds.
+      role: what it is for.
+      default: of machinery, for a config that does not say it.
     """
 
     kinds: tuple[type, ...]
-    meaning: str
+    setting: Setting
     role: Role = Role.RESULT
-    searched: bool = False
     default: Any = None
 
 
-KEYS = {
-    "name": Key((str,), "the results go to <runs_dir>/<name>", Role.NAME),
-    "task": Key((dict,), "what is simulated: its robot, its length, its noise", searched=True),
-    "spec": Key((str,), "a .tltl file: a path of your own, or one that comes with tltlrl"),
-    "constants": Key((dict,), "values for constants of the spec, in place of the file's"),
-    "reward": Key((dict,), "coefficients of the task's hand-made rewards", searched=True),
-    "algorithm": Key((dict,), "policy search, the same for every case", searched=True),
-    "cases": Key((list,), "what is compared: <reward>_<learner>", Role.GROWS),
-    "seeds": Key((int, list), "a list, or a number n for 0 .. n-1", Role.GROWS),
-    "trials": Key((int,), "noisy trials of each learned policy, for the success rate", Role.BUDGET),
-    "workers": Key((int, type(None)), "processes; null for one per processor, at most one per run", Role.MACHINERY),
-    "engine": Key((dict,), "where runs are computed", Role.MACHINERY, default={"address": None}),
-    "runs_dir": Key((str,), "the folder above those of experiments", Role.PLACE, default="runs"),
-    "overwrite": Key((bool,), "delete an existing folder of that name first", Role.MACHINERY, default=False),
+_STUDY, _MACHINERY = settings_of(Study), settings_of(Machinery)
+KEYS: dict[str, Key] = {
+    "name": Key((str,), Setting("the results go to <runs_dir>/<name>"), Role.NAMES),
+    "task": Key((dict,), Setting("what is simulated: its robot, its length, its noise"), Role.RESULT | Role.SEARCHED),
+    "spec": Key((str,), Setting("a .tltl file: a path of your own, or one that comes with tltlrl")),
+    "constants": Key((dict,), Setting("values for constants of the spec, in place of the file's")),
+    "reward": Key((dict,), Setting("coefficients of the task's hand-made rewards"), Role.RESULT | Role.SEARCHED),
+    "algorithm": Key((dict,), Setting("policy search, the same for every case"), Role.RESULT | Role.SEARCHED),
+    "cases": Key((list,), Setting("what is compared: <reward>_<learner>"), Role.GROWS),
+    "seeds": Key((int, list), Setting("a list, or a number n for 0 .. n-1", most=MOST_SEEDS), Role.GROWS | Role.BUDGET),
+    "trials": Key((int,), _STUDY["trials"], Role.RESULT | Role.BUDGET),
+    "workers": Key((int, type(None)), _MACHINERY["workers"], Role.MACHINERY | Role.BUDGET, Machinery.workers),
+    "engine": Key(
+        (dict,),
+        Setting("where the workers are: on this machine, or of a Dask scheduler"),
+        Role.MACHINERY | Role.BUDGET,
+        {"address": Engine.address},
+    ),
+    "runs_dir": Key((str,), _MACHINERY["runs_dir"], Role.MACHINERY | Role.NAMES, Machinery.runs_dir),
+    "overwrite": Key((bool,), _MACHINERY["overwrite"], Role.MACHINERY | Role.BUDGET, Machinery.overwrite),
 }
-MACHINERY_DEFAULTS = {name: key.default for name, key in KEYS.items() if key.role in (Role.MACHINERY, Role.PLACE)}
-GROWING = tuple(name for name, key in KEYS.items() if key.role is Role.GROWS)
-# Swept or not, these are not in a folder's name: they name it themselves, change only how, or let it grow.
-NOT_IN_THE_NAME = ("experiment", "name", *GROWING, *MACHINERY_DEFAULTS)
-NOT_SEARCHED = ("experiment", *(name for name, key in KEYS.items() if not key.searched))
 
 
-@dataclass(frozen=True)
-class EngineConfig:
-    """Where runs are computed: one worker runs in this process, more in a local cluster or on a Dask scheduler."""
-
-    address: str | None = setting("of a Dask scheduler, as in tcp://127.0.0.1:8786; null for this machine", None)
+def having(role: Role) -> list[str]:
+    """The keys with any of these roles."""
+    return [name for name, key in KEYS.items() if key.role & role]
 
 
-def algorithm_settings(learners: tuple[str, ...]) -> dict[str, Setting]:
-    """The keys of `algorithm` for these learners; those of REPS are always allowed."""
-    kinds = [LEARNERS.get(name).Settings for name in dict.fromkeys(("episodic", *learners))]
-    return {name: own for kind in (AlgorithmConfig, *kinds) for name, own in settings_of(kind).items()}
+def kept() -> list[str]:
+    """The keys of a result's config.yaml: those that say what it is, and not how it was computed."""
+    return [name for name, key in KEYS.items() if not key.role & Role.MACHINERY]
 
 
-# What makes a search cheaper than the experiment, and its machinery: not in the command of the best candidate.
-BUDGET = (
-    *(name for name, key in KEYS.items() if key.role in (Role.BUDGET, Role.NAME, Role.MACHINERY)),
-    "seeds",
-    "engine.address",
-    *(f"algorithm.{name}" for name, own in settings_of(AlgorithmConfig).items() if own.budget),
-)
+def machinery_defaults() -> dict[str, Any]:
+    """What makes a whole config of a result's config.yaml."""
+    return {name: key.default for name, key in KEYS.items() if key.role & Role.MACHINERY}
 
 
-def flatten(config: Any, prefix: str = "") -> dict[str, Any]:
-    """Nested keys joined by dots."""
-    flat: dict[str, Any] = {}
-    for key, value in config.items():
-        if isinstance(value, dict) and value:
-            flat |= flatten(value, f"{prefix}{key}.")
-        else:
-            flat[f"{prefix}{key}"] = value
-    return flat
+def sections(task: str, learners: Iterable[str]) -> dict[str, Mapping[str, Setting]]:
+    """Section => its key => what that means and may be.
+
+    Args:
+      task: a name of the registry.
+      learners: names of the registry.
+
+    Raises:
+      UserError: if there is no such task or learner.
+    """
+    entry = TASKS.get(task)
+    return {
+        "task": settings_of(entry.config),
+        "reward": settings_of(entry.reward),
+        "algorithm": algorithm_settings(LEARNERS.get(name).Settings for name in learners),
+        "engine": settings_of(Engine),
+    }
+
+
+def algorithm_settings(learners: Iterable[type]) -> dict[str, Setting]:
+    """The keys of the section `algorithm`, for these learners' own dataclasses.
+
+    Those of REPS are always there, since configs/algorithm/reps.yaml has values for them.
+    """
+    found = settings_of(AlgorithmConfig) | settings_of(RepsSettings)
+    for kind in learners:
+        found |= settings_of(kind)
+    return found
+
+
+def is_budget(key: str) -> bool:
+    """Whether a key of a config, dotted within its section, is for one command alone; see `Role.BUDGET`."""
+    section, _, name = key.partition(".")
+    if section == "algorithm":
+        return (own := settings_of(AlgorithmConfig).get(name)) is not None and own.budget
+    return section in KEYS and Role.BUDGET in KEYS[section].role

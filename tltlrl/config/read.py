@@ -3,155 +3,139 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from tltlrl.config.keys import KEYS, MACHINERY_DEFAULTS, EngineConfig, algorithm_settings
+from tltlrl.config.keys import KEYS, algorithm_settings, kept
+from tltlrl.config.machinery import Engine, Machinery
 from tltlrl.errors import UserError, nearest
 from tltlrl.logic import load_spec
 from tltlrl.registry import LEARNERS, TASKS
 from tltlrl.resources import spec_path
-from tltlrl.tasks.task import TaskEntry
-from tltlrl.training import build
+from tltlrl.training.build import check
 from tltlrl.training.study import MOST_SEEDS, TLTL, AlgorithmConfig, Case, Study
 
 Settings = TypeVar("Settings")
-
-
-@dataclass(frozen=True)
-class Machinery:
-    """How and where a study is computed; nothing of it changes a result.
-
-    Attributes:
-      workers: processes; None for one per processor.
-      engine: where they run.
-      runs_dir: the folder above those of experiments.
-      overwrite: delete an older folder of the study's name first.
-    """
-
-    workers: int | None
-    engine: EngineConfig
-    runs_dir: str
-    overwrite: bool
-
-    def __post_init__(self) -> None:
-        if self.workers is not None and self.workers < 1:
-            raise UserError(f"workers: {self.workers} is too small; it must be at least 1")
-        if not self.runs_dir.strip():
-            raise UserError("runs_dir: it is empty; give the folder above the experiments' folders, or . for this one")
 
 
 def read(config: Mapping[str, Any]) -> tuple[Study, Machinery]:
     """Reads and checks a config (plain dicts and lists, interpolations resolved).
 
     Raises:
-      UserError: naming the key, what is wrong with it and what would be right, or the place in the spec.
+      UserError: naming the key, what is wrong with it and what would be right.
+      SpecError: if the spec is wrong.
     """
-    config = _of_their_kinds(config)
-    machinery = Machinery(
-        config["workers"],
-        dataclass_from(EngineConfig, config["engine"], "engine"),
-        config["runs_dir"],
-        config["overwrite"],
-    )
-    entry: TaskEntry = TASKS.get(str(config["task"].get("name")))
+    config = _of_the_right_kinds(config)
+    address = dataclass_from(Engine, config["engine"], "engine").address
+    machinery = Machinery(config["workers"], address, config["runs_dir"], config["overwrite"])
+    entry = TASKS.get(str(config["task"].get("name")))
+    cases = [case_of(str(name), entry.hand_made) for name in config["cases"]]
+    algorithm, learners = _algorithm(config["algorithm"], dict.fromkeys(case.learner for case in cases))
     task: Any = dataclass_from(entry.config, config["task"], "task")
     reward: Any = dataclass_from(entry.reward, config["reward"], "reward")
-    cases = tuple(parse_case(str(name), entry.hand_made) for name in config["cases"])
-    algorithm, learners = _algorithm(config["algorithm"], tuple(dict.fromkeys(case.learner for case in cases)))
-    whole = {"task": dataclasses.asdict(task), "reward": dataclasses.asdict(reward)}
-    whole["algorithm"] = config["algorithm"] | dataclasses.asdict(algorithm)
-    for own in learners.values():
-        whole["algorithm"] |= dataclasses.asdict(own)
+    settings = {key: value for key, value in config.items() if key in kept()}
+    for learner in learners.values():  # a learner's defaults are kept with the results
+        settings["algorithm"] = settings["algorithm"] | dataclasses.asdict(learner)
     study = Study(
         name=config["name"],
         task=task,
         reward=reward,
         spec=load_spec(spec_path(config["spec"]), constants=config["constants"]),
-        cases=cases,
+        cases=tuple(cases),
         seeds=_seeds(config["seeds"]),
         algorithm=algorithm,
         learners=learners,
         trials=config["trials"],
-        settings={key: whole.get(key, value) for key, value in config.items() if key not in MACHINERY_DEFAULTS},
+        settings=settings,
     )
-    build.check(study)
+    check(study)
     return study, machinery
 
 
-def _of_their_kinds(config: Mapping[str, Any]) -> dict[str, Any]:
-    """The config, if it has every key, each with a value of its kind, and no other."""
+def _of_the_right_kinds(config: Mapping[str, Any]) -> dict[str, Any]:
     for given in config:
         if given not in KEYS:
             raise UserError(f"{given}: no such key{nearest(given, KEYS)}")
+    whole = dict(config)
     if type(config.get("name")) is int:  # name=2024
-        config = {**config, "name": str(config["name"])}
+        whole["name"] = str(config["name"])
     for name, key in KEYS.items():
-        if name not in config:
+        if name not in whole:
             raise UserError(f"{name}: missing from the config")
-        value = config[name]
+        value = whole[name]
         if not isinstance(value, key.kinds) or (isinstance(value, bool) and bool not in key.kinds):
-            expected = " or ".join({"NoneType": "null"}.get(k.__name__, k.__name__) for k in key.kinds)
+            expected = " or ".join({"NoneType": "null"}.get(kind.__name__, kind.__name__) for kind in key.kinds)
             raise UserError(f"{name}: expected {expected}, not {value!r}")
-    return dict(config)
+    return whole
 
 
-def parse_case(name: str, hand_made: Sequence[str]) -> Case:
-    """The case of that name: a reward and a learner.
+def case_of(name: str, hand_made: Sequence[str]) -> Case:
+    """The case of a name <reward>_<learner>.
+
+    Args:
+      name: such as tltl_episodic.
+      hand_made: the task's hand-made rewards.
 
     Raises:
-      UserError: if there is none.
+      UserError: if there is no such case. Robustness is known at the end only, so no learner learns from it by step.
     """
-    for reward in (TLTL, *hand_made):
-        learner = name.removeprefix(f"{reward}_")
-        if learner != name and learner in LEARNERS.names() and (reward, learner) in _possible(hand_made, [learner]):
-            return Case(reward, learner)
-    cases = [Case(*pair).name for pair in _possible(hand_made, LEARNERS.names())]
-    raise UserError(f"cases: no case is named {name}{nearest(name, cases)}")
+    cases = {
+        case.name: case
+        for case in (Case(reward, learner) for reward in (TLTL, *hand_made) for learner in LEARNERS.names())
+    }
+    case = cases.get(name)
+    if case is None or not _possible(case):
+        valid = [other.name for other in cases.values() if _possible(other)]
+        raise UserError(f"cases: no case is named {name}{nearest(name, valid)}")
+    return case
 
 
-def _possible(hand_made: Sequence[str], learners: Sequence[str]) -> list[tuple[str, str]]:
-    """Rewards and learners that go together: robustness is known at the end only, so never by step."""
-    by_step = {name: LEARNERS.get(name).by_step for name in learners}
-    return [(r, name) for r in (TLTL, *hand_made) for name in learners if r != TLTL or not by_step[name]]
+def _possible(case: Case) -> bool:
+    return case.reward != TLTL or not LEARNERS.get(case.learner).by_step
 
 
-def _algorithm(values: Mapping[str, Any], learners: tuple[str, ...]) -> tuple[AlgorithmConfig, dict[str, Any]]:
-    """What all learners share, and the own settings of each, from the section that holds both."""
-    known = algorithm_settings(learners)
-    for key in values:
-        if key not in known:
-            raise UserError(f"algorithm.{key}: no such key{nearest(str(key), known)}")
+def _algorithm(values: Mapping[str, Any], learners: Iterable[str]) -> tuple[AlgorithmConfig, dict[str, Any]]:
+    """The section `algorithm`: what is the same for every learner, and each learner's own settings by its name.
 
-    def of(kind: type, whole: bool) -> Any:
-        names = {field.name for field in dataclasses.fields(kind)}
-        return dataclass_from(kind, {key: value for key, value in values.items() if key in names}, "algorithm", whole)
+    A learner's setting that the config does not give has its default.
+    """
+    kinds = {name: LEARNERS.get(name).Settings for name in learners}
+    _known(values, algorithm_settings(kinds.values()), "algorithm")
 
-    own = {name: of(LEARNERS.get(name).Settings, name in LEARNERS.built_in) for name in learners}
-    return of(AlgorithmConfig, True), own
+    def of(kind: type[Settings]) -> dict[str, Any]:
+        names = [field.name for field in dataclasses.fields(kind)]  # type: ignore[arg-type]
+        return {key: value for key, value in values.items() if key in names}
+
+    common = dataclass_from(AlgorithmConfig, of(AlgorithmConfig), "algorithm")
+    return common, {name: dataclass_from(kind, of(kind), "algorithm", defaults=True) for name, kind in kinds.items()}
 
 
-def dataclass_from(kind: type[Settings], values: Mapping[str, Any], where: str, whole: bool = True) -> Settings:
+def _seeds(seeds: int | Sequence[int]) -> tuple[int, ...]:
+    if not isinstance(seeds, int):
+        return tuple(seeds)
+    if seeds > MOST_SEEDS:
+        raise UserError(f"seeds: {seeds} are too many; at most {MOST_SEEDS}, or a list of the seeds themselves")
+    return tuple(range(seeds))
+
+
+def dataclass_from(kind: type[Settings], values: Mapping[str, Any], where: str, defaults: bool = False) -> Settings:
     """An instance of a config dataclass, its keys and types checked.
 
     Args:
-      kind: the dataclass.
-      values: of its fields.
-      where: the section's name, for messages.
-      whole: whether a field that is not given is a mistake; otherwise it has its default.
+      kind: the dataclass; it checks its own bounds.
+      values: field => value.
+      where: the section, for messages.
+      defaults: whether a field may be left out that has a default.
 
     Raises:
       UserError: naming `where`.key.
     """
     names = [field.name for field in dataclasses.fields(kind)]  # type: ignore[arg-type]
-    for key in values:
-        if key not in names:
-            raise UserError(f"{where}.{key}: no such key{nearest(str(key), names)}")
-    if whole and (missing := [name for name in names if name not in values]):
+    _known(values, names, where)
+    if not defaults and (missing := [name for name in names if name not in values]):
         raise UserError(f"{where}.{missing[0]}: missing from the config; is {where} the one of this experiment?")
     settings: Any = OmegaConf.structured(kind)
     for key, value in values.items():
@@ -163,13 +147,8 @@ def dataclass_from(kind: type[Settings], values: Mapping[str, Any], where: str, 
     return result
 
 
-def _seeds(seeds: Any) -> tuple[int, ...]:
-    if isinstance(seeds, int) and seeds > MOST_SEEDS:
-        raise UserError(f"seeds: {seeds} are too many; at most {MOST_SEEDS}, or a list of the seeds themselves")
-    listed = list(range(seeds)) if isinstance(seeds, int) else seeds
-    wrong = [s for s in listed if not isinstance(s, int) or isinstance(s, bool) or not 0 <= s < 2**63]
-    if wrong or not listed or len(set(listed)) < len(listed):
-        raise UserError(
-            f"seeds: {seeds!r} must be a number n >= 1 for the seeds 0 .. n-1, or a list of different numbers >= 0"
-        )
-    return tuple(listed)
+def _known(values: Iterable[str], names: Iterable[str], where: str) -> None:
+    valid = [f"{where}.{name}" for name in names]
+    for key in (f"{where}.{name}" for name in values):
+        if key not in valid:
+            raise UserError(f"{key}: no such key{nearest(key, valid)}")

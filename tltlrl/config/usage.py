@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
-from tltlrl.config.compose import GROUPS, compose, names
-from tltlrl.config.keys import KEYS, EngineConfig, algorithm_settings
-from tltlrl.registry import TASKS
+from tltlrl.config.compose import GROUPS, compose, names, spec_of
+from tltlrl.config.keys import KEYS, sections
+from tltlrl.config.read import case_of
+from tltlrl.registry import LEARNERS, TASKS
 from tltlrl.resources import SPECS
-from tltlrl.settings import settings_of
-from tltlrl.tasks.task import TaskEntry
 
 WIDTH = 96
+SHOWN = (*GROUPS, "cases", "hydra.searchpath")  # what the page depends on
 
 USAGE = """\
 tltl-run: learn a robot task from its temporal-logic spec, and compare rewards over seeds.
@@ -30,9 +31,10 @@ Constants of the spec are set with constants.NAME=value. The results go to <runs
 the same command again finishes what is missing there. Ctrl-C keeps what is done.
 
 Experiments: {experiments}
+Tasks: {tasks}
 Specs that come with tltlrl: {specs}
 
-Keys and their values for experiment={shown} (--help experiment=NAME shows another one's):
+Keys and their values for {shown} (another one's: --help experiment=NAME):
 
 {config}
 Options
@@ -48,36 +50,41 @@ Exit codes: 0 done; 1 a run failed; 2 the command, config or spec has to be mend
 
 
 def usage(overrides: Sequence[str]) -> str:
-    """The page; of the experiment among the overrides, if there is one."""
+    """The page; of the experiment or task among the overrides, if there is one."""
     experiments = names("experiment")
-    chosen = [override for override in overrides if override.partition("=")[0] in (*GROUPS, "hydra.searchpath")]
-    named = [override.partition("=")[2] for override in chosen if override.startswith("experiment=")]
-    shown = named[-1] if named else experiments[0]
-    settings = compose(chosen if named else [*chosen, f"experiment={shown}"])
+    chosen = [override for override in overrides if override.partition("=")[0] in SHOWN]
+    given = dict(override.split("=", 1) for override in chosen)
+    shown = next((f"{group}={given[group]}" for group in ("experiment", "task") if group in given), None)
+    if shown is None:
+        shown = f"experiment={experiments[0]}"
+        chosen.append(shown)
+    elif shown.startswith("task=") and spec_of(given["task"]) is None:
+        chosen.append("spec=my_task.tltl")
     return USAGE.format(
         experiments=", ".join(experiments),
+        tasks=", ".join(names("task")),
         specs=", ".join(path.name for path in sorted(SPECS.glob("*.tltl"))),
         shown=shown,
-        config="".join(f"  {line}\n" for line in _described(settings)),
+        config="".join(f"  {line}\n" for line in _described(compose(chosen))),
     )
 
 
 def _described(settings: Mapping[str, Any]) -> list[str]:
-    entry: TaskEntry = TASKS.get(settings["task"]["name"])
-    sections = {
-        "task": settings_of(entry.config),
-        "reward": settings_of(entry.reward),
-        "algorithm": algorithm_settings(()),
-        "engine": settings_of(EngineConfig),
-    }
+    entry = TASKS.get(settings["task"]["name"])
+    learners = {case_of(str(case), entry.hand_made).learner for case in settings["cases"]}
+    own = {key: value for name in learners for key, value in asdict(LEARNERS.get(name).Settings()).items()}
+    within = sections(settings["task"]["name"], learners)
     lines = []
-    for key, value in settings.items():
-        if key not in sections:
-            lines += _line(key, value, KEYS[key].meaning)
+    for name, value in settings.items():
+        meaning = KEYS[name].setting.meaning
+        if name not in within:
+            lines += _line(name, value, meaning)
             continue
-        lines.append(f"{key}:  # {KEYS[key].meaning}")
-        meanings = {name: own.meaning for name, own in sections[key].items()}
-        lines += [f"  {line}" for name in value for line in _line(name, value[name], meanings.get(name))]
+        lines.append(f"{name}:  # {meaning}")
+        more = {key: own[key] for key in own if key not in value} if name == "algorithm" else {}
+        for key, its in (value | more).items():
+            about = within[name][key].meaning if key in within[name] else None
+            lines += [f"  {line}" for line in _line(key, its, about)]
     return lines
 
 

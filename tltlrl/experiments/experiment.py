@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import contextlib
 import os
-import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from tltlrl.config.keys import GROWING, KEYS, MACHINERY_DEFAULTS, flatten
-from tltlrl.config.read import Machinery, read
+from tltlrl.config.compare import differences
+from tltlrl.config.keys import Role, having, kept, machinery_defaults
+from tltlrl.config.machinery import Machinery
+from tltlrl.config.read import read
 from tltlrl.errors import UserError
 from tltlrl.experiments.engine import check_scheduler, run_all
-from tltlrl.experiments.manifest import end_session, manifest, read_manifest, start_session
+from tltlrl.experiments.folder import empty, is_record, read_record, working_in
+from tltlrl.experiments.manifest import end_session, manifest, read_manifest, spec_name, start_session
 from tltlrl.experiments.progress import Progress
 from tltlrl.learning.policy import Policy
 from tltlrl.reports.plotting import FORMATS
@@ -23,8 +25,7 @@ from tltlrl.reports.report import write_report
 from tltlrl.reports.workspace import draw_workspace
 from tltlrl.store import layout
 from tltlrl.store.files import clear_leftovers, digest, write_json, write_text
-from tltlrl.store.layout import CONFIG, DONE, LOCK, LOG, MANIFEST, POLICY, SPECS, WORKSPACE
-from tltlrl.store.lock import BusyError, held
+from tltlrl.store.layout import CONFIG, DONE, LOG, MANIFEST, POLICY, SPECS, WORKSPACE
 from tltlrl.store.run import DamagedError, drop_checkpoint, read_checkpoint, read_results
 from tltlrl.training.build import make_task
 from tltlrl.training.session import learned_policy
@@ -32,11 +33,11 @@ from tltlrl.training.study import Run, Study
 
 
 def run_experiment(study: Study, machinery: Machinery, command: list[str]) -> bool:
-    """Computes what is missing of an experiment and writes its tables and figures.
+    """Computes what is missing of a study and writes its tables and figures.
 
     Args:
       study: what to do.
-      machinery: how.
+      machinery: how, and where to.
       command: the command line, for the manifest.
 
     Returns:
@@ -45,14 +46,14 @@ def run_experiment(study: Study, machinery: Machinery, command: list[str]) -> bo
     Raises:
       UserError: if the folder holds another experiment or another process works in it.
     """
-    folder = Path(machinery.runs_dir) / study.name
-    if machinery.engine.address is not None:
-        check_scheduler(machinery.engine.address)
-    with lock(folder):
+    folder = machinery.folder(study.name)
+    if machinery.address is not None:
+        check_scheduler(machinery.address)
+    with working_in(folder):
         notes = prepare(folder, study, machinery.overwrite)
-        missing, kept, damages = survey(folder, study)
+        missing, done, damages = survey(folder, study)
         before = read_manifest(folder / MANIFEST)
-        if kept and before is None:
+        if done and before is None:
             notes.append(f"{MANIFEST} was missing or damaged: who computed what is kept is not known any more")
         if missing or before is None:  # otherwise nothing here is of this session, and the manifest stays as it is
             session = start_session(command)
@@ -60,8 +61,8 @@ def run_experiment(study: Study, machinery: Machinery, command: list[str]) -> bo
         with Progress([label(run) for run in missing], study.algorithm.iterations, folder / LOG) as progress:
             for note in [*notes, *damages]:
                 progress.say(note)
-            if kept:
-                progress.say(f"{kept} of {kept + len(missing)} runs were done before and are kept")
+            if done:
+                progress.say(f"{done} of {done + len(missing)} runs were done before and are kept")
             failures = compute(folder, study, machinery, missing, progress) if missing else {}
         results = finished(folder, study)
         write_report(folder, study, results, failures)
@@ -74,6 +75,11 @@ def run_experiment(study: Study, machinery: Machinery, command: list[str]) -> bo
 def label(run: Run) -> str:
     """The run, as it is called in messages."""
     return f"{run.case.name} seed {run.seed}"
+
+
+def run_folder(folder: Path, run: Run) -> Path:
+    """Where a run's files lie, in the folder of its experiment."""
+    return layout.run_folder(folder, run.case.name, run.seed)
 
 
 def survey(folder: Path, study: Study) -> tuple[list[Run], int, list[str]]:
@@ -89,8 +95,8 @@ def survey(folder: Path, study: Study) -> tuple[list[Run], int, list[str]]:
             if read_results(path, run.identity()) is None:
                 missing.append(run)
                 read_checkpoint(path, run.identity())
-            else:  # there is a checkpoint where it was killed between its last two steps
-                drop_checkpoint(path)
+            else:
+                drop_checkpoint(path)  # killed between its last two steps
         except DamagedError as error:
             damages.append(f"{path}: {error}; the run is computed again")
             if run not in missing[-1:]:
@@ -131,11 +137,6 @@ def _written(path: Path) -> float:
     return path.stat().st_mtime if path.exists() and path.stat().st_size else 0.0
 
 
-def run_folder(folder: Path, run: Run) -> Path:
-    """Where a run's files lie."""
-    return layout.run_folder(folder, run.case.name, run.seed)
-
-
 def open_run(folder: Path) -> tuple[Run, Policy]:
     """A finished run read back from its folder, <experiment>/<case>/seed_<k>.
 
@@ -151,7 +152,7 @@ def open_run(folder: Path) -> tuple[Run, Policy]:
         (folder / DONE).read_text()
     except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError) as error:
         raise UserError(f"{folder} is not the folder of a finished run ({error}); {advice}") from error
-    study, _ = read(settings | MACHINERY_DEFAULTS)
+    study, _ = read(settings | machinery_defaults())
     for run in study.runs():
         if run_folder(above, run) == folder.resolve():
             try:
@@ -186,7 +187,7 @@ def compute(folder: Path, study: Study, machinery: Machinery, missing: list[Run]
     workers = min(machinery.workers or len(os.sched_getaffinity(0)), len(missing))
     progress.say(f"{len(missing)} runs of {study.algorithm.iterations} iterations into {folder}")
     try:
-        run_all(jobs, workers, machinery.engine.address, progress.advance, on_end)
+        run_all(jobs, workers, machinery.address, progress.advance, on_end)
     except KeyboardInterrupt:
         progress.say(f"stopped; what is done is kept in {folder}")
         raise
@@ -209,20 +210,21 @@ def prepare(folder: Path, study: Study, overwrite: bool) -> list[str]:
     before, restored = _settings_before(folder, known)
     notes = []
     if before is not None and overwrite:
-        empty(folder, CONFIG)
+        empty(folder, config)
     elif before is not None:
-        if differences := _differences(before, study.settings):
-            if known is None or _differences(known["config"], study.settings):
+        growing = tuple(having(Role.GROWS))
+        if wrong := differences(before, study.settings, growing):
+            if known is None or differences(known["config"], study.settings, growing):
                 raise UserError(
-                    f"{folder} holds results of another config:\n{differences}\n"
+                    f"{folder} holds results of another config:\n{wrong}\n"
                     f"Set another name=... (now {study.name}), or overwrite=true to delete what is there."
                 )
             restored = True
         if restored:
             notes.append(f"{CONFIG} was missing or damaged and is written again, from {MANIFEST}")
-        text = study.spec.text
-        if not spec_copy.is_file() or spec_copy.read_bytes() != text.encode():
-            if known is None or known["specs"] != {spec_copy.name: digest(text.encode())}:
+        text = study.spec.text.encode()
+        if not spec_copy.is_file() or spec_copy.read_bytes() != text:
+            if known is None or known["specs"] != {spec_copy.name: digest(text)}:
                 raise UserError(
                     f"{folder} was made with another text of {spec_copy.name} (kept in its folder specs), or its copy "
                     f"was damaged or deleted. Set another name=..., or overwrite=true to delete what is there."
@@ -230,20 +232,8 @@ def prepare(folder: Path, study: Study, overwrite: bool) -> list[str]:
             notes.append(f"{SPECS}/{spec_copy.name} was missing or damaged and is written again")
     (folder / SPECS).mkdir(parents=True, exist_ok=True)
     write_text(spec_copy, study.spec.text)
-    write_text(config, yaml.safe_dump(study.settings, sort_keys=False))
+    write_text(config, yaml.safe_dump(dict(study.settings), sort_keys=False))
     return notes
-
-
-def empty(folder: Path, last: str) -> None:
-    """Deletes what is in a folder of ours, the file `last` at the end: until then it is still known for one of ours."""
-    for entry in sorted(folder.iterdir(), key=lambda entry: entry.name == last):
-        if entry.name != LOCK:
-            shutil.rmtree(entry) if entry.is_dir() and not entry.is_symlink() else entry.unlink()
-
-
-def spec_name(study: Study) -> str:
-    """The spec file's own name."""
-    return Path(study.spec.path or "spec.tltl").name
 
 
 def _settings_before(folder: Path, known: Mapping[str, Any] | None) -> tuple[dict[str, Any] | None, bool]:
@@ -257,13 +247,10 @@ def _settings_before(folder: Path, known: Mapping[str, Any] | None) -> tuple[dic
     names = {entry.name for entry in folder.iterdir() if not entry.name.startswith(".")}
     if not names - {SPECS}:
         return None, False
-    try:
-        before = yaml.safe_load((folder / CONFIG).read_text())
-    except (OSError, ValueError, yaml.YAMLError):
-        before = None
-    for config, restored in ((before, False), (known and known["config"], True)):
-        if isinstance(config, dict) and set(config) == set(KEYS) - set(MACHINERY_DEFAULTS):
-            return config, restored
+    if (before := read_record(folder / CONFIG, kept())) is not None:
+        return before, False
+    if known is not None and is_record(known["config"], kept()):
+        return known["config"], True
     raise UserError(
         f"{folder} exists and holds no results of tltl-run (its {CONFIG} is missing or not one of ours); "
         f"set another name=... or runs_dir=..."
@@ -274,39 +261,3 @@ def _spec_copy(folder: Path, spec: str) -> Path:
     """The experiment's own copy of its spec."""
     path = folder / SPECS / Path(spec).name
     return path if path.exists() else path.with_name(f"{path.name}.tltl")
-
-
-def _differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    """What keeps results of one config from going on under another, one line each.
-
-    A spec is the same if its file's name is, wherever it lies: its text is compared apart.
-    """
-    old, new = (flatten(config) | {"spec": Path(str(config.get("spec"))).name} for config in (before, now))
-    differences = [
-        f"  {key}: {old.get(key, 'absent')} there, {new.get(key, 'absent')} now"
-        for key in sorted(old.keys() | new.keys())
-        if old.get(key) != new.get(key) and key not in GROWING
-    ]
-    for key in GROWING:
-        kept, wanted = _members(before.get(key)), _members(now.get(key))
-        if not kept <= wanted:
-            differences.append(f"  {key}: {before.get(key)} there, {now.get(key)} now (they can only grow)")
-    return "\n".join(differences)
-
-
-def _members(value: Any) -> set[Any]:
-    return set(range(value)) if isinstance(value, int) else set(value or ())
-
-
-@contextlib.contextmanager
-def lock(folder: Path) -> Iterator[None]:
-    """Holds the folder of an experiment for this process.
-
-    Raises:
-      UserError: if another process holds it, or it cannot be written.
-    """
-    try:
-        with held(folder):
-            yield
-    except BusyError as error:
-        raise UserError(f"{error}; wait for it, or set another name=...") from error

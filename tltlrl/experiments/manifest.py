@@ -13,17 +13,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from tltlrl.config.keys import MACHINERY_DEFAULTS
+from tltlrl.config.keys import machinery_defaults
 from tltlrl.errors import UserError
 from tltlrl.resources import spec_path
 from tltlrl.store.files import digest
+from tltlrl.store.layout import SPECS
 from tltlrl.training.study import Study
 
-KEYS = {
+CONTENT = {
     "command", "started", "ended", "python", "packages", "git", "platform", "cpu", "specs", "config", "later_sessions",
 }  # fmt: skip
-
-BOM = b"\xef\xbb\xbf"  # before the text of a spec that some editors write
 
 
 def start_session(command: list[str]) -> dict[str, Any]:
@@ -56,7 +55,7 @@ def manifest(study: Study, before: Mapping[str, Any] | None, session: Mapping[st
     first, later = (before, [*before["later_sessions"], session]) if before else (session, [])
     return {
         **{key: first[key] for key in session},
-        "specs": {Path(study.spec.path or "spec.tltl").name: digest(study.spec.text.encode())},
+        "specs": {spec_name(study): digest(study.spec.text.encode())},
         "config": study.settings,
         "later_sessions": later,
     }
@@ -70,7 +69,7 @@ def read_manifest(path: Path) -> dict[str, Any] | None:
         return None
     whole = (
         isinstance(content, dict)
-        and content.keys() >= KEYS
+        and content.keys() >= CONTENT
         and isinstance(content["later_sessions"], list)
         and isinstance(content["specs"], dict)
         and len(content["specs"]) == 1
@@ -84,7 +83,7 @@ def _now() -> str:
     return datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
 
 
-def settings_of(path: Path) -> dict[str, Any]:
+def settings_in(path: Path) -> dict[str, Any]:
     """The config of a manifest.json, as a whole config: results beside the old ones, the spec's text as it was.
 
     Raises:
@@ -95,13 +94,19 @@ def settings_of(path: Path) -> dict[str, Any]:
         raise UserError(
             f"{path}: {'not' if path.exists() else 'there is no such file; give'} the manifest.json of an experiment"
         )
-    settings = MACHINERY_DEFAULTS | content["config"] | {"runs_dir": str(path.resolve().parent.parent)}
-    ((name, seal),) = content["specs"].items()
+    settings = machinery_defaults() | content["config"] | {"runs_dir": str(path.resolve().parent.parent)}
+    ((name, expected),) = content["specs"].items()
     try:
-        unchanged = digest(spec_path(settings["spec"]).read_bytes().removeprefix(BOM)) == seal
+        text = spec_path(settings["spec"]).read_bytes().decode("utf-8-sig")
+        unchanged = digest(text.encode()) == expected
     except UserError:
         unchanged = False
-    return settings if unchanged else settings | {"spec": str(path.parent / "specs" / name)}
+    return settings if unchanged else settings | {"spec": str(path.parent / SPECS / name)}
+
+
+def spec_name(study: Study) -> str:
+    """The name of the spec's copy."""
+    return Path(study.spec.path or "spec.tltl").name
 
 
 def _versions() -> dict[str, str]:

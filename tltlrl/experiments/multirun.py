@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from tltlrl.config.compose import complaints_told, completed, compose, initialized, parse, quoted
-from tltlrl.config.keys import NOT_IN_THE_NAME
+from tltlrl.config.keys import Role, having
 from tltlrl.config.read import read
 from tltlrl.errors import UserError, module_of
 
@@ -34,13 +34,13 @@ def run_combinations(overrides: Sequence[str], start: Callable[[dict[str, Any]],
     Raises:
       UserError, SpecError: if any combination is no experiment; nothing was started then.
     """
-    machinery, swept = combinations(overrides)
-    names = _checked([[*machinery, *combination] for combination, _ in swept], [values for _, values in swept])
+    hydras, swept = combinations(overrides)
+    names = _checked([[*hydras, *combination] for combination, _ in swept], [values for _, values in swept])
     jobs = [
         [*completed(combination), f"name={quoted(name)}"] for (combination, _), name in zip(swept, names, strict=True)
     ]
     try:
-        codes = _launch(machinery, jobs, start)
+        codes = _launch(hydras, jobs, start)
     except Exception as error:
         if not module_of(error).startswith("submitit."):
             raise
@@ -65,13 +65,13 @@ def combinations(overrides: Sequence[str]) -> tuple[list[str], list[tuple[list[s
     Raises:
       UserError: if an override cannot be read, or has no finite number of values.
     """
-    machinery: list[str] = []
+    hydras: list[str] = []
     alternatives: dict[str, list[str]] = {}  # of a key that is given twice the last one counts, as without -m
     swept = set()
     for override in parse(overrides):
         key = override.get_key_element()
         if override.is_hydra_override():
-            machinery.append(override.input_line)
+            hydras.append(override.input_line)
         elif not override.is_sweep_override():
             alternatives[key] = [override.input_line]
             swept.discard(key)
@@ -79,17 +79,22 @@ def combinations(overrides: Sequence[str]) -> tuple[list[str], list[tuple[list[s
             alternatives[key] = [f"{key}={value}" for value in override.sweep_string_iterator()]
             swept.add(key)
         else:
-            raise UserError(f"{override.input_line}: -m needs single values, as in {key}=0.2,0.5 or range(1,4)")
-    return machinery, [
+            written, name = override.input_line.lstrip("+"), key.lstrip("+")
+            raise UserError(f"{written}: -m needs single values, as in {name}=0.2,0.5 or range(1,4)")
+    return hydras, [
         (list(chosen), [text for key, text in zip(alternatives, chosen, strict=True) if key in swept])
         for chosen in itertools.product(*alternatives.values())
     ]
 
 
 def folder_name(name: str, swept: Sequence[str]) -> str:
-    """The experiment's own name and the values that tell the combination from the others."""
+    """The experiment's own name and the values that tell the combination from the others.
+
+    Not those that name it themselves, let it grow, or change only how it is computed.
+    """
     values = [text.lstrip("+") for text in swept]
-    told = [text for text in values if text.partition("=")[0].split(".")[0] not in NOT_IN_THE_NAME]
+    untold = ("experiment", *having(Role.NAMES | Role.GROWS | Role.MACHINERY))
+    told = [text for text in values if text.partition("=")[0].split(".")[0] not in untold]
     whole = ",".join([name, *told]).replace("/", "-").encode()
     if len(whole) <= LONGEST_NAME:
         return whole.decode()
@@ -97,12 +102,12 @@ def folder_name(name: str, swept: Sequence[str]) -> str:
 
 
 def _checked(combined: Sequence[Sequence[str]], swept: Sequence[Sequence[str]]) -> list[str]:
-    """The names of all combinations' experiments, each of which can run and has a folder of its own."""
+    """The names of all combinations, each of an experiment that is possible and has a folder of its own."""
     names: dict[Path, str] = {}
     for overrides, values in zip(combined, swept, strict=True):
         settings = compose(overrides)
         study, machinery = read(settings | {"name": folder_name(str(settings["name"]), values)})
-        folder = Path(machinery.runs_dir) / study.name
+        folder = machinery.folder(study.name)
         if folder in names:
             raise UserError(
                 f"-m: two combinations have the same folder {folder}; sweep what makes them different experiments "
@@ -114,10 +119,8 @@ def _checked(combined: Sequence[Sequence[str]], swept: Sequence[Sequence[str]]) 
     return list(names.values())
 
 
-def _launch(
-    machinery: Sequence[str], jobs: Sequence[Sequence[str]], start: Callable[[dict[str, Any]], int]
-) -> list[int]:
-    """Gives jobs to Hydra's launcher; their exit codes."""
+def _launch(hydras: Sequence[str], jobs: Sequence[Sequence[str]], start: Callable[[dict[str, Any]], int]) -> list[int]:
+    """Gives jobs to Hydra's launcher, which Hydra's own overrides may choose; their exit codes."""
     from hydra._internal.callbacks import Callbacks
     from hydra.core.global_hydra import GlobalHydra
     from hydra.core.plugins import Plugins
@@ -130,9 +133,9 @@ def _launch(
 
     with initialized():
         hydra = GlobalHydra.instance().hydra
-        with complaints_told(machinery):
+        with complaints_told(hydras):
             config = hydra.compose_config(
-                "config", [*machinery, *jobs[0]], RunMode.MULTIRUN, from_shell=False, with_log_configuration=False
+                "config", [*hydras, *jobs[0]], RunMode.MULTIRUN, from_shell=False, with_log_configuration=False
             )
             context = HydraContext(config_loader=hydra.config_loader, callbacks=Callbacks(config))
             launcher = Plugins.instance().instantiate_launcher(hydra_context=context, task_function=job, config=config)

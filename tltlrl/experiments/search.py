@@ -1,12 +1,13 @@
 """`tltl search`: the best values of a few keys of a config, asked for by Optuna and answered by ordinary experiments.
 
-A command of its own, since it has what `tltl-run` has not (trials, an objective, a best one) and lacks what that has
-(one folder, one table of cases). What may be searched is written in Hydra's own sweep grammar, as for `tltl-run -m`:
-interval(0,0.4), int(interval(2,8)), tag(log,interval(0.1,2)), range(10,50,10), choice(a,b) or a,b.
+A command of its own, since it has what `tltl-run` has not (candidates, an objective, a best one) and lacks what that
+has (one folder, one table of cases). What may be searched is written in Hydra's own sweep grammar, as for
+`tltl-run -m`: interval(0,0.4), int(interval(2,8)), tag(log,interval(0.1,2)), range(10,50,10), choice(a,b) or a,b.
 
-Trial k is the experiment `trial_<k>` in the search's folder, so it is resumed like any other. Its parameters are a
-pure function of the search's seed, of k and of the results before k (`propose`), and they enter the journal as one
-line: a search that was stopped anywhere goes on to the same trials as one that was not.
+Candidate k is the experiment `trial_<k>` in the search's folder, so it is resumed like any other. (Optuna says trial;
+in code that is a trial of a learned policy.) Its parameters are a pure function of the search's seed, of k and of the
+results before k (`propose`), and they enter the journal as one line: a search that was stopped anywhere goes on to the
+same candidates as one that was not.
 """
 
 from __future__ import annotations
@@ -24,23 +25,26 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import yaml
 
+from tltlrl.config.compare import differences
 from tltlrl.config.compose import parse
-from tltlrl.config.keys import BUDGET, NOT_SEARCHED, flatten
-from tltlrl.config.read import Machinery, read
+from tltlrl.config.keys import KEYS, Role, is_budget
+from tltlrl.config.machinery import Machinery
+from tltlrl.config.read import read
 from tltlrl.errors import UserError
 from tltlrl.experiments.engine import check_scheduler
-from tltlrl.experiments.experiment import empty, lock, run_experiment
+from tltlrl.experiments.experiment import run_experiment
+from tltlrl.experiments.folder import empty, read_record, working_in
 from tltlrl.logic import SpecError
 from tltlrl.store.files import digest, write_bytes, write_text
 from tltlrl.store.layout import JOURNAL, LOG, SEARCH, SUMMARY, SUMMARY_PAGE, TRIALS
 from tltlrl.training.study import Study
 
 if TYPE_CHECKING:
-    from optuna import Study as OptunaStudy
+    import optuna
     from optuna.distributions import BaseDistribution
     from optuna.trial import FrozenTrial
 
-MOST_TRIALS = 1000
+MOST_CANDIDATES = 1000
 
 Parameters = Mapping[str, Any]  # key => value; of a choice, its text as in an override
 
@@ -51,8 +55,8 @@ class Search:
 
     Attributes:
       base: the study, with its own values for the searched keys.
-      machinery: how its candidates are computed, and where they lie.
-      fixed: the overrides that made it.
+      machinery: of the search, and of every candidate.
+      fixed: the overrides that made them.
       space: key => what it may be, as written, without spaces.
       distributions: the same for Optuna.
       configure: values of searched keys => the whole config with them.
@@ -69,23 +73,33 @@ class Search:
 
     @property
     def folder(self) -> Path:
-        """Where the trials' folders, the journal and the tables lie; beside an experiment of the config's own name."""
+        """Where the candidates' folders, the journal and the tables lie; beside an experiment of the config's name."""
         named = any(override.startswith("name=") for override in self.fixed)
-        return Path(self.machinery.runs_dir) / (self.base.name if named else f"{self.base.name}_search")
+        return self.machinery.folder(self.base.name if named else f"{self.base.name}_search")
 
-    def trial_folder(self, number: int) -> Path:
-        """Where a trial's results lie, as those of any experiment."""
+    def candidate_folder(self, number: int) -> Path:
+        """Where a candidate's results lie, as those of any experiment."""
         return self.folder / f"trial_{number:03d}"
 
-    def trial(self, number: int, parameters: Parameters) -> tuple[Study, Machinery]:
-        """The experiment of a trial.
+    def candidate(self, number: int, parameters: Parameters) -> tuple[Study, Machinery]:
+        """The experiment of a candidate.
 
         Raises:
           UserError, SpecError: if no experiment can have these values.
         """
-        path = self.trial_folder(number)
+        path = self.candidate_folder(number)
         place = {"name": path.name, "runs_dir": str(path.parent), "overwrite": False}
         return read(self.configure(parameters) | place)
+
+    def record(self) -> dict[str, Any]:
+        """What the folder is known by, and what must not change in it: search.yaml."""
+        return {
+            "name": self.base.name,
+            "space": self.space,
+            "seed": self.seed,
+            "config": dict(self.base.settings),
+            "spec_sha256": digest(self.base.spec.text.encode()),
+        }
 
 
 def require_optuna() -> None:
@@ -118,7 +132,8 @@ def parse_space(overrides: Sequence[str]) -> tuple[list[str], dict[str, str], di
             fixed.append(text)
             continue
         key = override.get_key_element().lstrip("+")
-        if key.split(".")[0] in NOT_SEARCHED:
+        section = key.split(".")[0]
+        if section == "experiment" or (section in KEYS and Role.SEARCHED not in KEYS[section].role):
             raise UserError(f"{key}: it cannot be searched; trials have the same runs, and one spec to be compared by")
         if key in space:
             raise UserError(f"{key}: given twice")
@@ -159,12 +174,12 @@ def _distribution(key: str, text: str, override: Any) -> BaseDistribution:
 
 
 def run_search(search: Search, count: int, command: list[str]) -> list[dict[str, Any]]:
-    """Does what is missing of the first `count` trials and writes trials.csv and summary.md.
+    """Does what is missing of the first `count` candidates and writes trials.csv and summary.md.
 
     Args:
       search: what to do.
-      count: trials in all, those of earlier sessions included.
-      command: the command line, for the trials' manifests.
+      count: candidates in all, those of earlier sessions included.
+      command: the command line, for the candidates' manifests.
 
     Returns:
       The rows of trials.csv.
@@ -172,56 +187,56 @@ def run_search(search: Search, count: int, command: list[str]) -> list[dict[str,
     Raises:
       UserError: if the folder holds another search, or another process works in it.
     """
-    if not 1 <= count <= MOST_TRIALS or not 0 <= search.seed < 2**63:
-        raise UserError(f"--trials must lie between 1 and {MOST_TRIALS}, and --seed be at least 0")
+    if not 1 <= count <= MOST_CANDIDATES or not 0 <= search.seed < 2**63:
+        raise UserError(f"--trials must lie between 1 and {MOST_CANDIDATES}, and --seed be at least 0")
     _check_space(search)
-    if search.machinery.engine.address is not None:
-        check_scheduler(search.machinery.engine.address)
-    with lock(search.folder):
+    if search.machinery.address is not None:
+        check_scheduler(search.machinery.address)
+    with working_in(search.folder):
         _prepare(search)
-        study = open_study(search.folder / JOURNAL)
-        before = sum(trial.state.is_finished() for trial in study.trials[:count])
+        journal = open_journal(search.folder / JOURNAL)
+        before = sum(candidate.state.is_finished() for candidate in journal.trials[:count])
         if before:
             _say(f"{before} of {count} trials were done before and are kept")
         for number in range(count):
-            _try(search, study, number, count, command)
-        table = table_of(search, study.trials)
+            _try(search, journal, number, count, command)
+        table = table_of(search, journal.trials)
         write_tables(search, table)
     return table
 
 
-def _try(search: Search, study: OptunaStudy, number: int, count: int, command: list[str]) -> None:
-    """Does what is missing of one trial."""
+def _try(search: Search, journal: optuna.Study, number: int, count: int, command: list[str]) -> None:
+    """Does what is missing of one candidate."""
     from optuna.trial import TrialState
 
-    if number == len(study.trials):
-        study.add_trial(_begin(search, study.trials, number))  # one line of the journal: all of it or nothing
-    trial = study.trials[number]
-    if trial.state == TrialState.FAIL or (trial.state == TrialState.COMPLETE and results(search, number)):
+    if number == len(journal.trials):
+        journal.add_trial(_begin(search, journal.trials, number))  # one line of the journal: all of it or nothing
+    candidate = journal.trials[number]
+    if candidate.state == TrialState.FAIL or (candidate.state == TrialState.COMPLETE and results(search, number)):
         return
-    _say(f"trial {number} ({number + 1} of {count}): {describe(trial.params)}")
-    succeeded = run_experiment(*search.trial(number, trial.params), command)
+    _say(f"trial {number} ({number + 1} of {count}): {describe(candidate.params)}")
+    succeeded = run_experiment(*search.candidate(number, candidate.params), command)
     found = results(search, number) if succeeded else []
-    if not trial.state.is_finished():  # otherwise its folder was gone, and has come back
+    if not candidate.state.is_finished():  # otherwise its folder was gone, and has come back
         value = objective(found)
         if math.isfinite(value):
-            study.tell(number, value)
-            best = max(t.value for t in study.trials if t.value is not None)
+            journal.tell(number, value)
+            best = max(other.value for other in journal.trials if other.value is not None)
             _say(f"trial {number}: robustness {value:+.4f}; best so far {best:+.4f}")
         else:
-            study.tell(number, state=TrialState.FAIL)
-            _say(f"trial {number} FAILED; see {search.trial_folder(number)}")
-    write_tables(search, table_of(search, study.trials))
+            journal.tell(number, state=TrialState.FAIL)
+            _say(f"trial {number} FAILED; see {search.candidate_folder(number)}")
+    write_tables(search, table_of(search, journal.trials))
 
 
 def _begin(search: Search, earlier: Sequence[FrozenTrial], number: int) -> FrozenTrial:
-    """The next trial: to be run, or failed already if there is no experiment with its parameters."""
+    """The next candidate: to be run, or failed already if there is no experiment with its parameters."""
     from optuna.trial import TrialState, create_trial
 
     parameters = propose(search.distributions, earlier, search.seed, number)
     state, attributes = TrialState.RUNNING, {}
     try:
-        search.trial(number, parameters)
+        search.candidate(number, parameters)
     except (UserError, SpecError) as error:
         state, attributes = TrialState.FAIL, {"message": str(error)}
         _say(f"trial {number}: {describe(parameters)} FAILED: {error}")
@@ -231,25 +246,25 @@ def _begin(search: Search, earlier: Sequence[FrozenTrial], number: int) -> Froze
 def propose(
     distributions: Mapping[str, BaseDistribution], earlier: Sequence[FrozenTrial], seed: int, number: int
 ) -> Parameters:
-    """The parameters of a trial, by Optuna's tree-structured Parzen estimator.
+    """The parameters of a candidate, by Optuna's tree-structured Parzen estimator.
 
     Args:
       distributions: what they may be.
-      earlier: the trials before it; only those that are complete say something.
+      earlier: the candidates before it; only those that are complete say something.
       seed: of the search.
-      number: of the trial; with the seed it decides the random numbers.
+      number: of the candidate; with the seed it decides the random numbers.
     """
     import optuna
     from optuna.trial import TrialState
 
     words = int(np.random.SeedSequence([seed, number]).generate_state(1)[0])
-    study = optuna.create_study(direction="maximize", sampler=optuna.samplers.TPESampler(seed=words))
-    study.add_trials([trial for trial in earlier if trial.state == TrialState.COMPLETE])
-    return study.ask(dict(distributions)).params
+    sampled = optuna.create_study(direction="maximize", sampler=optuna.samplers.TPESampler(seed=words))
+    sampled.add_trials([candidate for candidate in earlier if candidate.state == TrialState.COMPLETE])
+    return sampled.ask(dict(distributions)).params
 
 
-def open_study(journal: Path) -> OptunaStudy:
-    """The study kept in a journal file, which is made if there is none.
+def open_journal(journal: Path) -> optuna.Study:
+    """Optuna's study kept in a journal file, which is made if there is none.
 
     Whoever was killed may have left a lock, and half a line at the end, which stands for nothing done: both go. The
     caller holds the folder's own lock, so nobody else is writing.
@@ -299,49 +314,35 @@ def _prepare(search: Search) -> None:
     Raises:
       UserError: if it holds something else, with the difference.
     """
-    record = {
-        "name": search.base.name,
-        "space": search.space,
-        "seed": search.seed,
-        "config": search.base.settings,
-        "spec_sha256": digest(search.base.spec.text.encode()),
-    }
-    file = search.folder / SEARCH
-    if any(not entry.name.startswith(".") for entry in search.folder.iterdir()):
-        try:
-            before = yaml.safe_load(file.read_text())
-        except (OSError, ValueError, yaml.YAMLError):  # ValueError: not UTF-8
-            before = None
-        if not isinstance(before, dict) or set(before) != set(record):
+    folder, record, file = search.folder, search.record(), search.folder / SEARCH
+    if any(not entry.name.startswith(".") for entry in folder.iterdir()):
+        before = read_record(file, record)
+        if before is None:
             raise UserError(
-                f"{search.folder} exists and holds no search (its {SEARCH} is missing or not one of ours); "
+                f"{folder} exists and holds no search (its {SEARCH} is missing or not one of ours); "
                 f"set another name=... or runs_dir=..."
             )
         if search.machinery.overwrite:
-            empty(search.folder, SEARCH)
-        else:
-            _check_same(before, record, search.folder)
+            empty(folder, file)
+        elif wrong := differences(_unfolded(before), _unfolded(record)):
+            raise UserError(
+                f"{folder} holds another search:\n{wrong}\n"
+                f"Set another name=..., or overwrite=true to delete what is there."
+            )
     write_text(file, yaml.safe_dump(record, sort_keys=False))
 
 
-def _check_same(before: Mapping[str, Any], now: Mapping[str, Any], folder: Path) -> None:
-    old, new = flatten(before), flatten(now)
-    differences = [
-        f"  {key.removeprefix('config.')}: {old.get(key, 'absent')} there, {new.get(key, 'absent')} now\n"
-        for key in sorted(old.keys() | new.keys())
-        if old.get(key) != new.get(key)
-    ]
-    if differences:
-        raise UserError(
-            f"{folder} holds another search:\n{''.join(differences)}"
-            f"Set another name=..., or overwrite=true to delete what is there."
-        )
+def _unfolded(record: Mapping[str, Any]) -> dict[str, Any]:
+    """A record with the keys of its config beside its own."""
+    rest = dict(record)
+    config = rest.pop("config")
+    return {**(config if isinstance(config, dict) else {"config": config}), **rest}
 
 
 def results(search: Search, number: int) -> list[dict[str, str]]:
-    """The rows of a trial's summary.csv; none if it is not whole."""
+    """The rows of a candidate's summary.csv; none if it is not whole."""
     try:
-        with open(search.trial_folder(number) / SUMMARY, newline="", encoding="utf-8") as file:
+        with open(search.candidate_folder(number) / SUMMARY, newline="", encoding="utf-8") as file:
             found = list(csv.DictReader(file))
         for row in found:
             float(row["robustness_policy"]), int(row["successes"]), int(row["trials"]), row["satisfied"]
@@ -355,23 +356,23 @@ def objective(found: Sequence[Mapping[str, str]]) -> float:
     return sum(float(row["robustness_policy"]) for row in found) / len(found) if found else math.nan
 
 
-def table_of(search: Search, trials: Sequence[FrozenTrial]) -> list[dict[str, Any]]:
-    """trials.csv: the finished trials, in order."""
+def table_of(search: Search, candidates: Sequence[FrozenTrial]) -> list[dict[str, Any]]:
+    """trials.csv: the finished candidates, in order."""
     table = []
-    for trial in trials:
-        if not trial.state.is_finished():
+    for candidate in candidates:
+        if not candidate.state.is_finished():
             continue
-        row = {"number": trial.number, **trial.params, "state": trial.state.name}
-        if trial.value is not None:
-            found = results(search, trial.number)
+        row = {"number": candidate.number, **candidate.params, "state": candidate.state.name}
+        if candidate.value is not None:
+            found = results(search, candidate.number)
             row |= {
-                "objective": trial.value,
+                "objective": candidate.value,
                 "satisfied": sum(run["satisfied"] == "True" for run in found),
                 "runs": len(found),
                 "successes": sum(int(run["successes"]) for run in found),
                 "trials": sum(int(run["trials"]) for run in found),
             }
-        table.append(row | ({"message": trial.user_attrs["message"]} if "message" in trial.user_attrs else {}))
+        table.append(row | {key: value for key, value in candidate.user_attrs.items() if key == "message"})
     return table
 
 
@@ -387,7 +388,7 @@ def write_tables(search: Search, table: Sequence[Mapping[str, Any]]) -> None:
 
 
 def summary_page(search: Search, table: Sequence[Mapping[str, Any]]) -> str:
-    """summary.md: the trials, best first, and the command that runs the best one on other seeds."""
+    """summary.md: the candidates, best first, and the command that runs the best one on other seeds."""
     ranked = best_first(table)
     failed = failures(table)
     lines = [
@@ -418,7 +419,7 @@ def summary_page(search: Search, table: Sequence[Mapping[str, Any]]) -> str:
     if failed:
         lines += ["## Failed trials", ""]
         for row in failed:
-            why = row.get("message") or f"see {search.trial_folder(row['number']).name}/{LOG}"
+            why = row.get("message") or f"see {search.candidate_folder(row['number']).name}/{LOG}"
             lines.append(f"- {row['number']}, {describe({key: row[key] for key in search.space})}: {why}")
         lines.append("")
     return "\n".join(lines)
@@ -430,15 +431,16 @@ def failures(table: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
 
 
 def best_first(table: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """The rows that have an objective; of equal ones the earlier trial is first."""
+    """The rows that have an objective; of equal ones the earlier candidate is first."""
     return sorted((row for row in table if "objective" in row), key=lambda row: -row["objective"])
 
 
 def best_command(search: Search, row: Mapping[str, Any]) -> str:
-    """The command that runs a trial's config as the experiment it came from: its own seeds, trials and iterations."""
-    kept = [override for override in search.fixed if override.partition("=")[0].lstrip("+") not in BUDGET]
+    """The command that runs a candidate's config as the experiment it came from: its own seeds, trials, iterations."""
+    given = {override: override.partition("=")[0].lstrip("+") for override in search.fixed}
+    taken = [override for override, key in given.items() if key != "name" and not is_budget(key)]
     found = [f"{key}={row[key]}" for key in search.space]
-    return shlex.join(["tltl-run", *kept, *found, f"name={search.folder.name}_best"])
+    return shlex.join(["tltl-run", *taken, *found, f"name={search.folder.name}_best"])
 
 
 def describe(parameters: Parameters) -> str:

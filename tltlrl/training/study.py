@@ -125,7 +125,8 @@ class Study:
             raise UserError(f"name: {self.name!r} cannot be a folder's name")
         if not self.cases or len(set(self.cases)) < len(self.cases):
             raise UserError(f"cases: {[c.name for c in self.cases]} must name at least one case, and each once")
-        if not self.seeds or len(set(self.seeds)) < len(self.seeds) or min(self.seeds) < 0:
+        wrong = any(type(seed) is not int or seed < 0 for seed in self.seeds)
+        if wrong or not self.seeds or len(set(self.seeds)) < len(self.seeds):
             raise UserError(
                 f"seeds: {list(self.seeds)} must be a number n >= 1 for the seeds 0 .. n-1, or a list of different "
                 "numbers >= 0"

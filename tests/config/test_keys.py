@@ -1,0 +1,70 @@
+"""The table of keys against the configs that come with tltlrl."""
+
+import dataclasses
+
+import pytest
+import yaml
+
+from tltlrl.config.compose import GROUPS, compose, names
+from tltlrl.config.keys import KEYS, Role, having, is_budget, kept, machinery_defaults, sections
+from tltlrl.config.machinery import Machinery
+from tltlrl.errors import UserError
+from tltlrl.learning.reps import RepsSettings
+from tltlrl.registry import LEARNERS, TASKS
+from tltlrl.resources import CONFIGS
+from tltlrl.training.study import AlgorithmConfig
+
+
+def test_the_table_has_the_keys_of_a_config_and_no_other():
+    assert set(compose(["experiment=reach_avoid"])) == set(KEYS)
+
+
+@pytest.mark.parametrize("experiment", names("experiment"))
+def test_every_key_of_every_section_says_what_it_means(experiment):
+    config = compose([f"experiment={experiment}"])
+    for section, settings in sections(config["task"]["name"], LEARNERS.built_in).items():
+        assert set(settings) == set(config[section])
+        assert all(setting.meaning for setting in settings.values())
+
+
+def test_the_files_say_the_defaults_of_the_code():
+    config = compose(["experiment=reach_avoid"])
+    assert {key: config[key] for key in machinery_defaults()} == machinery_defaults()
+    assert config["algorithm"] == dataclasses.asdict(AlgorithmConfig()) | dataclasses.asdict(RepsSettings())
+    assert config["trials"] == 100
+    for name in TASKS.built_in:
+        entry = TASKS.get(name)
+        for group, kind in (("task", entry.config), ("reward", entry.reward)):
+            assert yaml.safe_load((CONFIGS / group / f"{name}.yaml").read_text()) == dataclasses.asdict(kind())
+
+
+def test_what_a_key_is_for():
+    assert having(Role.GROWS) == ["cases", "seeds"]
+    assert having(Role.MACHINERY) == ["workers", "engine", "runs_dir", "overwrite"]
+    assert having(Role.SEARCHED) == ["task", "reward", "algorithm"]
+    assert set(kept()) == set(KEYS) - set(machinery_defaults())
+    assert set(GROUPS) - {"experiment"} <= set(KEYS)
+
+
+@pytest.mark.parametrize(
+    ("key", "budget"),
+    [
+        ("seeds", True), ("trials", True), ("algorithm.iterations", True), ("engine.address", True), ("engine", True),
+        ("workers", True), ("overwrite", True), ("algorithm.samples", False), ("algorithm", False), ("cases", False),
+        ("experiment", False), ("task.steps", False), ("runs_dir", False), ("reward.c2", False), ("nothing", False),
+    ],
+)  # fmt: skip
+def test_what_the_best_candidates_command_leaves_out(key, budget):
+    assert is_budget(key) == budget
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"workers": 0}, "workers: 0 is too small; it must be at least 1"),
+        ({"runs_dir": " "}, "runs_dir: it is empty"),
+    ],
+)
+def test_machinery_checks_itself(wrong, message):
+    with pytest.raises(UserError, match=message):
+        Machinery(**wrong)

@@ -1,0 +1,130 @@
+"""`tltl-run`: trains and compares, as a config and the overrides on the command line say.
+
+What takes time to import is imported by the functions that need it: a mistake is told without it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from tltlrl.config.compose import GROUPS, compose, searchpath
+from tltlrl.errors import UserError
+
+OPTIONS = ("--from", "--cfg", "-m", "--config-dir", "--version", "--help")
+
+
+def tltl_run(arguments: list[str], told: Callable[[Callable[[], int]], int]) -> int:
+    """`tltl-run ARGUMENTS`; its exit code.
+
+    Args:
+      arguments: of the command line.
+      told: runs one experiment of several and tells what is wrong with it, for -m.
+
+    Raises:
+      UserError, SpecError: what the user has to mend.
+    """
+    chosen = _options(arguments)
+    overrides = [*searchpath(chosen.config_dir), *chosen.overrides]
+    if chosen.help:
+        from tltlrl.config.usage import usage
+
+        print(usage(overrides), end="")
+        return 0
+    if chosen.version:
+        from tltlrl import __version__
+
+        print(f"tltlrl {__version__}")
+        return 0
+    os.environ.setdefault("MUJOCO_GL", "disable")  # nothing here renders, and looking for a renderer takes a second
+    command = ["tltl-run", *arguments]
+    if chosen.manifest is not None and (chosen.multirun or chosen.config_dir):
+        raise UserError("--from: it repeats one experiment, as its manifest says; leave out -m and --config-dir")
+    if chosen.multirun:
+        if chosen.cfg:
+            raise UserError("--cfg job: it shows the config of one experiment; leave out -m")
+
+        from tltlrl.experiments.multirun import run_combinations
+
+        return run_combinations(overrides, lambda config: told(lambda: _start(config, command)))
+    settings = compose(overrides) if chosen.manifest is None else _repeated(chosen.manifest, overrides)
+    if chosen.cfg:
+        import yaml
+
+        print(yaml.safe_dump(settings, sort_keys=False), end="")
+        return 0
+    return _start(settings, command)
+
+
+def _start(settings: Mapping[str, Any], command: list[str]) -> int:
+    from tltlrl.config.read import read
+
+    study, machinery = read(settings)
+
+    from tltlrl.experiments.experiment import (
+        run_experiment,  # pandas and matplotlib take a second that a mistake need not wait
+    )
+
+    return 0 if run_experiment(study, machinery, command) else 1
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> Any:
+        """Told like any other mistake, without a usage that lists nothing of the config."""
+        raise UserError(f"{message} (see --help)")
+
+
+def _options(arguments: list[str]) -> argparse.Namespace:
+    """The options, wherever they stand, and the overrides.
+
+    Raises:
+      UserError: if there is no such option, with the override that was meant.
+    """
+    parser = _Parser("tltl-run", add_help=False, allow_abbrev=False)
+    parser.add_argument("--help", "-h", action="store_true")
+    parser.add_argument("--version", action="store_true")
+    parser.add_argument("--from", dest="manifest", nargs="?", const="")
+    parser.add_argument("--cfg")
+    parser.add_argument("--multirun", "-m", action="store_true")
+    parser.add_argument("--config-dir", "-cd", type=Path)
+    parser.add_argument("overrides", nargs="*")
+    chosen, unknown = parser.parse_known_intermixed_args(arguments)
+    if unknown:
+        _refuse(unknown[0], arguments)
+    if chosen.cfg not in (None, "job"):
+        raise UserError(f"--cfg {chosen.cfg}: it can only be --cfg job")
+    return chosen
+
+
+def _refuse(option: str, arguments: list[str]) -> None:
+    """Says what to write in place of an option that does not exist."""
+    from tltlrl.config.keys import KEYS
+
+    flag, _, value = option.partition("=")
+    key = flag.lstrip("-").replace("-", "_")
+    if key.split(".")[0] not in (*KEYS, *GROUPS):
+        raise UserError(f"{flag}: no such option; there are: {', '.join(OPTIONS)}")
+    following = arguments[arguments.index(option) + 1 :][:1]
+    raise UserError(f"{flag}: no such option; write {key}={value or ''.join(following)} (see --help)")
+
+
+def _repeated(manifest: str, overrides: Sequence[str]) -> dict[str, Any]:
+    """The config of a manifest.json with other values for some keys."""
+    import yaml
+    from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
+
+    from tltlrl.experiments.manifest import settings_in
+
+    if not manifest:
+        raise UserError("--from: give the manifest.json of an experiment, as in --from runs/NAME/manifest.json")
+    settings = settings_in(Path(manifest))
+    try:
+        changes = OmegaConf.from_dotlist([override.lstrip("+") for override in overrides])
+        changed: Any = OmegaConf.to_container(OmegaConf.merge(settings, changes))
+    except (OmegaConfBaseException, yaml.YAMLError) as error:
+        raise UserError(f"--from: {str(error).splitlines()[0]}") from error
+    return dict(changed)

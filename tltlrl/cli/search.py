@@ -1,0 +1,68 @@
+"""`tltl search KEY=VALUE ...`: the best values of a few keys of an experiment, by Optuna."""
+
+from __future__ import annotations
+
+import os
+import sys
+from argparse import Namespace
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from tltlrl.config.compose import compose, searchpath
+
+
+def add_parser(subparsers: Any) -> None:
+    """Adds `search` to a parser's sub-commands."""
+    parser = subparsers.add_parser("search", description=__doc__)
+    parser.add_argument(
+        "overrides",
+        nargs="+",
+        metavar="KEY=VALUE",
+        help="as for tltl-run; searched: 'KEY=interval(0,0.4)', KEY=a,b ...",
+    )
+    parser.add_argument(
+        "--trials", type=int, default=30, help="how many in all, those done before included (default 30)"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="of the choice of trials (default 0)")
+    parser.add_argument("--config-dir", type=Path, metavar="DIR", help="look for configs of your own in DIR, too")
+    parser.set_defaults(command=search)
+
+
+def search(arguments: Namespace) -> int:
+    """The sub-command; returns its exit code.
+
+    Raises:
+      UserError, SpecError: what the user has to mend.
+    """
+    os.environ.setdefault("MUJOCO_GL", "disable")  # before the tasks are imported: nothing here renders
+
+    from tltlrl.config.read import read
+    from tltlrl.experiments.search import (
+        Search,
+        best_command,
+        best_first,
+        describe,
+        failures,
+        parse_space,
+        require_optuna,
+        run_search,
+    )
+
+    require_optuna()
+    fixed, space, distributions = parse_space([*searchpath(arguments.config_dir), *arguments.overrides])
+
+    def configure(parameters: Mapping[str, Any]) -> dict[str, Any]:
+        return compose([*fixed, *(f"{key}={value}" for key, value in parameters.items())])
+
+    study, machinery = read(configure({}))
+    asked = Search(study, machinery, tuple(fixed), space, distributions, configure, arguments.seed)
+    table = run_search(asked, arguments.trials, ["tltl", *sys.argv[1:]])
+    ranked, failed = best_first(table), failures(table)
+    if failed:
+        print(f"{len(failed)} of {len(table)} trials failed; {asked.folder}/summary.md says why")
+    if ranked:
+        found = describe({key: ranked[0][key] for key in space})
+        print(f"best: trial {ranked[0]['number']}, {found}: robustness {ranked[0]['objective']:+.4f}")
+        print(f"at the experiment's own budget and seeds: {best_command(asked, ranked[0])}")
+    return 1 if failed else 0

@@ -1,0 +1,42 @@
+"""How and where a study is computed: nothing here changes the results."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from tltlrl.errors import UserError
+from tltlrl.settings import check_value, setting, settings_of
+
+
+@dataclass(frozen=True)
+class Engine:
+    """The section `engine`."""
+
+    address: str | None = setting("of a Dask scheduler, for instance tcp://127.0.0.1:8786; null for this machine", None)
+
+
+@dataclass(frozen=True)
+class Machinery:
+    """How and where.
+
+    Attributes:
+      workers: processes; None for one per processor.
+      address: of a Dask scheduler; None for this machine.
+      runs_dir: the folder above those of the experiments.
+      overwrite: whether to delete an older folder of the same name first.
+    """
+
+    workers: int | None = setting("processes; null for one per processor, at most one per run", None, least=1)
+    address: str | None = None
+    runs_dir: str = setting("the folder above the experiments' folders", "runs")
+    overwrite: bool = setting("delete an existing folder of that name first", False)
+
+    def __post_init__(self) -> None:
+        check_value("workers", self.workers, settings_of(Machinery)["workers"])
+        if not self.runs_dir.strip():
+            raise UserError("runs_dir: it is empty; give the folder above the experiments' folders, or . for this one")
+
+    def folder(self, name: str) -> Path:
+        """Where the results of the study of that name lie."""
+        return Path(self.runs_dir) / name
