@@ -1,35 +1,47 @@
 """What every task keeps, with every spec that speaks of its signals and every reward that it has."""
 
+import dataclasses
+import itertools
 import unittest
 
 import numpy as np
 import pytest
+import yaml
 from absl.testing import absltest
 from dm_env import test_utils
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import tltlrl
 from tltlrl.config.compose import compose
-from tltlrl.config.read import experiment_from
+from tltlrl.config.read import read
 from tltlrl.learning.policy import Policy
 from tltlrl.logic import load_spec
-from tltlrl.resources import SPECS
+from tltlrl.registry import LEARNERS, TASKS
+from tltlrl.resources import CONFIGS, SPECS, spec_path
 from tltlrl.simulation.rollout import Simulator
-from tltlrl.tasks import TASKS, make_default
-from tltlrl.tasks.task import environment
-from tltlrl.training.loop import case_names, initial_policy, iterate
+from tltlrl.tasks.environment import environment
+from tltlrl.training import build
+from tltlrl.training.loop import iterate
 
 SPEC_NAMES = sorted(path.stem for path in SPECS.glob("*.tltl"))
 
 
 def make(name):
-    return make_default(name, random=0)
+    entry = TASKS.get(name)
+    return entry.make(entry.config())
+
+
+def rewards_of(name):
+    entry = TASKS.get(name)
+    return entry.rewards(entry.reward(), load_spec(spec_path(entry.spec)).constants)
 
 
 def first_policy(task):
-    return initial_policy(task, experiment_from(compose([f"experiment={task.name}"])).algorithm)
+    return build.first_policy(task, read(compose([f"experiment={task.name}"]))[0].algorithm)
 
 
-@pytest.fixture(scope="module", params=sorted(TASKS))
+@pytest.fixture(scope="module", params=sorted(TASKS.built_in))
 def task(request):
     return make(request.param)
 
@@ -45,13 +57,14 @@ def batch(task):
 
 def test_shapes_and_names(task, batch):
     features, commands = batch
-    assert features.shape == (6, task.steps, len(task.observation))
-    assert commands.shape == (6, task.steps, len(task.action))
+    assert features.shape == (6, task.steps, task.width)
+    assert commands.shape == (6, task.steps, len(task.command_scale))
     assert np.isfinite(features).all()
-    assert task.command_noise.shape == task.command_scale.shape == (len(task.action),)
+    assert task.command_noise.shape == task.command_scale.shape == (sum(len(group.parts) for group in task.action),)
     assert (task.command_noise > 0).all()
-    assert task.feedback.shape == (len(task.action), len(task.observation))
-    assert len({q.name for q in task.observation}) == len(task.observation)
+    assert task.feedback.shape == (len(task.command_scale), task.width)
+    parts = [name for group in task.observation for name in group.parts]
+    assert len(set(parts)) == len(parts) == task.width
 
 
 def test_signals_are_per_trajectory_and_step(task, batch):
@@ -76,28 +89,49 @@ def test_every_spec_of_the_tasks_signals_gives_one_finite_robustness_per_traject
 
 def test_rewards_are_finite_and_each_value_depends_on_the_past_alone(task, batch):
     signals = task.signals(*batch)
-    for name, reward in task.rewards.items():
-        values = reward(signals)
+    for name, reward in rewards_of(task.name).items():
+        values, _ = reward(signals)
         assert values.shape == (6, task.steps), name
         assert np.isfinite(values).all(), name
         half = task.steps // 2
-        np.testing.assert_array_equal(reward({k: v[:, :half] for k, v in signals.items()}), values[:, :half])
-        np.testing.assert_array_equal(reward({k: v[2:3] for k, v in signals.items()})[0], values[2])
+        first, memory = reward({k: v[:, :half] for k, v in signals.items()})
+        np.testing.assert_array_equal(first, values[:, :half])
+        np.testing.assert_array_equal(reward({k: v[:, half:] for k, v in signals.items()}, memory)[0], values[:, half:])
+        np.testing.assert_array_equal(reward({k: v[2:3] for k, v in signals.items()})[0][0], values[2])
+
+
+@given(cuts=st.sets(st.integers(1, 59)), seed=st.integers(0, 99))
+@settings(max_examples=25, deadline=None)
+@pytest.mark.parametrize("name", sorted(TASKS.built_in))
+def test_a_reward_is_the_same_on_any_stretches_of_an_episode(name, cuts, seed):
+    rng = np.random.default_rng(seed)
+    d = 3 if name == "toast" else 2
+    centre = {"toast": (0.7, -0.35, 0.05)}.get(name, (0.0, 1.2))
+    walk = centre + 0.1 * d * rng.standard_normal((3, 60, d)).cumsum(axis=1)
+    signals = {"ee": walk, "gripper": rng.uniform(0, 100, (3, 60))}
+    for reward in rewards_of(name).values():
+        whole, _ = reward(signals)
+        parts, memory = [], None
+        for a, b in itertools.pairwise([0, *sorted(cuts), 60]):
+            part, memory = reward({key: values[:, a:b] for key, values in signals.items()}, memory)
+            parts.append(part)
+        np.testing.assert_array_equal(np.concatenate(parts, axis=1), whole)
 
 
 def test_every_case_takes_an_iteration(task):
-    cases = case_names(list(TASKS[task.name].hand_made))
-    for run in experiment_from(compose([f"experiment={task.name}", f"cases=[{','.join(cases)}]", "seeds=1"])).runs():
-        made = run.make_task()
-        policy = initial_policy(made, run.algorithm)
-        result = iterate(run, made, Simulator(made), policy, 0)
+    cases = ["tltl_episodic", *(f"{r}_{name}" for r in TASKS.get(task.name).hand_made for name in LEARNERS.built_in)]
+    study, _ = read(compose([f"experiment={task.name}", f"cases=[{','.join(cases)}]", "seeds=1"]))
+    for run in study.runs():
+        setup = build.set_up(run)
+        policy = build.first_policy(setup.task, run.algorithm)
+        result = iterate(run, setup, setup.learner.start(policy), 0)
         assert np.isfinite(list(result.record.values())).all(), run.case
-        assert not np.array_equal(result.policy.mean, policy.mean), run.case
+        assert not np.array_equal(setup.learner.policy(result.state).mean, policy.mean), run.case
 
 
 def test_the_first_policy_commands_the_reference_along_the_reference(task):
     features, commands = task.reference()
-    assert features.shape == (task.steps, len(task.observation))
+    assert features.shape == (task.steps, task.width)
     policy = first_policy(task)
     np.testing.assert_allclose(features @ policy.gain.T + policy.mean, commands, atol=1e-9)
 
@@ -112,13 +146,13 @@ def test_same_noise_same_trajectories(task):
 
 
 def test_load_task_is_the_task_of_its_experiment(task):
-    config = experiment_from(compose([f"experiment={task.name}"]))
-    assert config.runs()[-1].make_task().steps == task.steps == {"toast": 100, "reach_avoid": 200}.get(task.name, 500)
+    study, _ = read(compose([f"experiment={task.name}"]))
+    assert build.make_task(study.task).steps == task.steps == {"toast": 100, "reach_avoid": 200}.get(task.name, 500)
     assert tltlrl.load_task(task.name)._step_limit == pytest.approx(task.steps - 1.5)
 
 
 def test_environment_with_the_same_seed_is_the_same():
-    for name in TASKS:
+    for name in TASKS.built_in:
         steps = []
         for _ in range(2):
             env = tltlrl.load_task(name, seed=3)
@@ -129,16 +163,20 @@ def test_environment_with_the_same_seed_is_the_same():
 
 
 def test_policy_survives_a_covariance_of_zero(task):
-    policy = Policy(np.zeros_like(task.feedback), np.zeros((task.steps, len(task.action))),
-                    np.zeros((task.steps, len(task.action), len(task.action))))  # fmt: skip
+    policy = Policy(np.zeros_like(task.feedback), np.zeros((task.steps, len(task.command_scale))),
+                    np.zeros((task.steps, len(task.command_scale), len(task.command_scale))))  # fmt: skip
     np.testing.assert_array_equal(policy.sample(2, np.random.default_rng(0)), 0.0)
 
 
-@pytest.mark.parametrize("name", sorted(TASKS))
-def test_dm_envs_own_conformance_tests(name):
+@pytest.mark.parametrize("name", sorted(TASKS.built_in))
+@pytest.mark.parametrize("kind", ["hand-made", "spec", "none"])
+def test_dm_envs_own_conformance_tests(name, kind):
+    spec = load_spec(spec_path(TASKS.get(name).spec))
+    reward = {"hand-made": next(iter(rewards_of(name).values())), "spec": spec, "none": None}[kind]
+
     class Conformance(test_utils.EnvironmentTestMixin, absltest.TestCase):
         def make_object_under_test(self):
-            return environment(make(name))
+            return environment(make(name), reward, random=0)
 
         def make_action_sequence(self):
             yield from (self.make_action() for _ in range(250))
@@ -147,3 +185,28 @@ def test_dm_envs_own_conformance_tests(name):
     unittest.defaultTestLoader.loadTestsFromTestCase(Conformance).run(result)
     assert result.testsRun > 3
     assert result.wasSuccessful(), [*result.errors, *result.failures]
+
+
+def test_the_environment_of_a_spec_pays_its_robustness_at_the_end():
+    task = make("reach_avoid")
+    spec = load_spec(spec_path("reach_avoid"))
+    env = environment(task, spec, noise=False)
+    timestep, rng = env.reset(), np.random.default_rng(0)
+    features, commands, rewards = [np.concatenate(list(timestep.observation.values()))], [], []
+    while not timestep.last():
+        commands.append(rng.uniform(-1, 1, 3))
+        timestep = env.step(commands[-1])
+        features.append(np.concatenate(list(timestep.observation.values())))
+        rewards.append(timestep.reward)
+    signals = task.signals(np.array(features)[None], np.array([*commands, np.zeros(3)])[None])
+    assert rewards[:-1] == [0.0] * (task.steps - 2)
+    assert rewards[-1] == spec.robustness(signals)[0]
+
+
+def test_settings_of_every_task_have_defaults_that_the_configs_share(task):
+    """One value in two places: the YAML file of a group is the dataclass's defaults."""
+    entry = TASKS.get(task.name)
+    for group, kind in (("task", entry.config), ("reward", entry.reward)):
+        written = yaml.safe_load((CONFIGS / group / f"{task.name}.yaml").read_text())
+        assert written == dataclasses.asdict(kind())
+        assert all("setting" in field.metadata for field in dataclasses.fields(kind))

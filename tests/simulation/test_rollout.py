@@ -1,29 +1,20 @@
 """The batch against the environment that `dm_env` users step."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from tltlrl.simulation.rollout import Simulator
-from tltlrl.tasks import default_settings
-from tltlrl.tasks.planar_arm import PlanarArm
-from tltlrl.tasks.task import environment
-
-
-def zero_reward(signals):
-    return np.zeros(signals["ee"].shape[:-1])
+from tltlrl.tasks.environment import environment
+from tltlrl.tasks.planar_arm.scene import PlanarArm, PlanarArmConfig
 
 
 @pytest.fixture(scope="module")
 def task():
-    return PlanarArm(
-        replace(default_settings("reach_avoid")[0], steps=60, command_noise=0.0), {"discrete": zero_reward}
-    )
+    return PlanarArm(PlanarArmConfig(steps=60, command_noise=0.0))
 
 
 def feedback(task):
-    return np.random.default_rng(5).normal(0, 0.3, size=(3, len(task.observation)))
+    return np.random.default_rng(5).normal(0, 0.3, size=(3, task.width))
 
 
 def test_batch_is_the_environment_to_1e_9(task):
@@ -52,7 +43,7 @@ def test_command_noise_acts_but_is_not_recorded(task):
     offsets = np.zeros((2, task.steps, 3))
     noise = np.zeros_like(offsets)
     noise[1, 10] = 0.5
-    gain = np.zeros((3, len(task.observation)))
+    gain = np.zeros((3, task.width))
     trajectories = Simulator(task).rollout(gain, offsets, noise)
     np.testing.assert_array_equal(trajectories.commands, 0.0)
     np.testing.assert_array_equal(trajectories.features[0, :11], trajectories.features[1, :11])

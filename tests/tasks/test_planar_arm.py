@@ -8,16 +8,17 @@ import numpy as np
 import pytest
 
 from tltlrl.errors import UserError
-from tltlrl.tasks import default_settings, planar_arm
-from tltlrl.tasks.planar_arm import (
-    PlanarArm,
-    forward_kinematics,
-    model_xml,
+from tltlrl.tasks.environment import environment
+from tltlrl.tasks.planar_arm import scene
+from tltlrl.tasks.planar_arm.rewards import (
+    ReachAvoidReward,
+    VisitInOrderReward,
+    reach_avoid_rewards,
+    visit_in_order_rewards,
 )
-from tltlrl.tasks.task import CONTROL_TIMESTEP
+from tltlrl.tasks.planar_arm.scene import PlanarArm, PlanarArmConfig, forward_kinematics, model_xml
 
-ARM, REACH_AVOID = default_settings("reach_avoid")
-_, VISIT_IN_ORDER = default_settings("visit_in_order")
+ARM, REACH_AVOID, VISIT_IN_ORDER = PlanarArmConfig(), ReachAvoidReward(), VisitInOrderReward()
 CONSTANTS = {
     "goal": (-1.2, 1.4),
     "goal_radius": 0.2,
@@ -27,14 +28,14 @@ CONSTANTS = {
 
 
 def test_observation_table_of_the_docstring_is_the_code():
-    rows = re.findall(r"^\| (\d) \| (\w+) \| (\S+) \|$", planar_arm.__doc__, flags=re.MULTILINE)
+    rows = re.findall(r"^\| (\d) \| (\w+) \| (\S+) \|$", scene.__doc__, flags=re.MULTILINE)
     assert [(int(i), name, unit) for i, name, unit in rows] == [
-        (i, quantity.name, quantity.unit) for i, quantity in enumerate(PlanarArm.observation)
+        (i, *part) for i, part in enumerate((n, group.unit) for group in PlanarArm.observation for n in group.parts)
     ]
 
 
 def test_each_feature_is_the_quantity_that_the_table_says():
-    task = PlanarArm(ARM, {})
+    task = PlanarArm(ARM)
     physics = task.make_physics()
     rng = np.random.default_rng(0)
     for _ in range(20):
@@ -47,11 +48,13 @@ def test_each_feature_is_the_quantity_that_the_table_says():
             "end_effector_x": physics.named.data.site_xpos["end_effector", "x"],
             "end_effector_y": physics.named.data.site_xpos["end_effector", "y"],
         }
-        np.testing.assert_allclose(features, [expected[q.name] for q in task.observation], atol=1e-12)
+        np.testing.assert_allclose(
+            features, [expected[name] for group in task.observation for name in group.parts], atol=1e-12
+        )
 
 
 def test_link_lengths_reach_model_and_kinematics():
-    task = PlanarArm(replace(ARM, link_lengths=[0.5, 1.5, 0.25]), {})
+    task = PlanarArm(replace(ARM, link_lengths=[0.5, 1.5, 0.25]))
     physics = task.make_physics()
     physics.data.qpos[:] = [0.1, -0.7, 1.3]
     physics.forward()
@@ -61,7 +64,7 @@ def test_link_lengths_reach_model_and_kinematics():
 
 
 def test_command_limit_reaches_the_model():
-    physics = PlanarArm(replace(ARM, max_speed=1.25), {}).make_physics()
+    physics = PlanarArm(replace(ARM, max_speed=1.25)).make_physics()
     np.testing.assert_array_equal(physics.model.actuator_ctrlrange, [[-1.25, 1.25]] * 3)
 
 
@@ -73,7 +76,7 @@ def end_effector_path(timestep, commands):
     path = []
     for command in commands:
         data.ctrl[:] = command
-        mujoco.mj_step(model, data, round(CONTROL_TIMESTEP / model.opt.timestep))
+        mujoco.mj_step(model, data, round(PlanarArm.control_timestep / model.opt.timestep))
         path.append(forward_kinematics(data.qpos.copy(), np.ones(3)))
     return np.array(path)
 
@@ -95,15 +98,15 @@ def test_servo_is_fast_enough(seed):
     data.qpos[:] = rng.uniform(-1, 1, 3)
     command = rng.uniform(-2, 2, 3)
     data.ctrl[:] = command
-    mujoco.mj_step(model, data, round(CONTROL_TIMESTEP / model.opt.timestep))
+    mujoco.mj_step(model, data, round(PlanarArm.control_timestep / model.opt.timestep))
     np.testing.assert_allclose(data.qvel, command, atol=0.1)
 
 
 def test_reach_avoid_rewards_are_equation_3_2():
-    rewards = planar_arm.reach_avoid_rewards(replace(REACH_AVOID, goal=5, obstacle=-2, c1=1.0, c2=0.25), CONSTANTS)
+    rewards = reach_avoid_rewards(replace(REACH_AVOID, goal=5, obstacle=-2, c1=1.0, c2=0.25), CONSTANTS)
     ee = np.array([[[-1.2, 1.59], [0.3, 2.4], [-0.6, 0.3], [2.0, 2.0]]])  # at the goal, in obstacle 1, in 2, free
-    np.testing.assert_array_equal(rewards["discrete"]({"ee": ee}), [[5.0, -2.0, -2.0, 0.0]])
-    for point, value in zip(ee[0], rewards["continuous"]({"ee": ee})[0], strict=True):
+    np.testing.assert_array_equal(rewards["discrete"]({"ee": ee})[0], [[5.0, -2.0, -2.0, 0.0]])
+    for point, value in zip(ee[0], rewards["continuous"]({"ee": ee})[0][0], strict=True):
         d_g = np.hypot(*(point - [-1.2, 1.4]))
         d_o1, d_o2 = np.hypot(*(point - [0.3, 2.0])), np.hypot(*(point - [-0.6, 0.6]))
         np.testing.assert_allclose(value, -1.0 * d_g + 0.25 * (d_o1 + d_o2))
@@ -112,7 +115,7 @@ def test_reach_avoid_rewards_are_equation_3_2():
 def test_rewards_say_which_constants_of_the_spec_they_miss():
     missing = r"need its constants goal \(a vector\), goal_radius \(a number\); it has target"
     with pytest.raises(UserError, match=missing):
-        planar_arm.reach_avoid_rewards(REACH_AVOID, {"target": (0.0, 0.0)})
+        reach_avoid_rewards(REACH_AVOID, {"target": (0.0, 0.0)})
 
 
 R, G, B, FREE, IN_OBSTACLE = (0.2, 2.2), (-1.6, 1.2), (1.6, 0.6), (2.5, 0.0), (0.0, 0.9)
@@ -138,16 +141,16 @@ IN_ORDER = {
     ],
 )
 def test_visit_in_order_discrete_is_equation_3_5_with_its_memory(path, rewards):
-    discrete = planar_arm.visit_in_order_rewards(VISIT_IN_ORDER, IN_ORDER)["discrete"]
-    np.testing.assert_array_equal(discrete({"ee": np.array([path])}), [rewards])
+    discrete = visit_in_order_rewards(VISIT_IN_ORDER, IN_ORDER)["discrete"]
+    np.testing.assert_array_equal(discrete({"ee": np.array([path])})[0], [rewards])
 
 
 def test_visit_in_order_continuous_is_equation_3_5_with_its_memory():
     coefficients = replace(VISIT_IN_ORDER, c1=1.0, c2=0.3, c3=0.2)
-    continuous = planar_arm.visit_in_order_rewards(coefficients, IN_ORDER)["continuous"]
+    continuous = visit_in_order_rewards(coefficients, IN_ORDER)["continuous"]
     path = np.array([FREE, R, FREE, G, B, FREE])
     following = ["r", "r", "g", "g", "b", None]  # the goal to go for at each sample: visits count from the next on
-    for point, following_goal, value in zip(path, following, continuous({"ee": path[None]})[0], strict=True):
+    for point, following_goal, value in zip(path, following, continuous({"ee": path[None]})[0][0], strict=True):
         d_g = {name: np.hypot(*(point - np.array(goal))) for name, goal in IN_ORDER["goal"].items()}
         d_o = [np.hypot(*(point - np.array(centre))) for centre in IN_ORDER["obstacle"].values()]
         towards = d_g.pop(following_goal) if following_goal else 0.0
@@ -156,10 +159,8 @@ def test_visit_in_order_continuous_is_equation_3_5_with_its_memory():
 
 def test_the_environments_reward_remembers_the_episode():
     """Stepping gives, sample by sample, what the batch gives at once."""
-    from tltlrl.tasks.task import environment
-
-    rewards = planar_arm.visit_in_order_rewards(VISIT_IN_ORDER, IN_ORDER | {"goal_radius": 0.6})
-    env = environment(PlanarArm(replace(ARM, name="visit_in_order", steps=80, command_noise=0.0), rewards))
+    rewards = visit_in_order_rewards(VISIT_IN_ORDER, IN_ORDER | {"goal_radius": 0.6})
+    env = environment(PlanarArm(replace(ARM, steps=80, command_noise=0.0)), rewards["discrete"])
     timestep = env.reset()
     path, stepped = [timestep.observation["end_effector"]], []
     rng = np.random.default_rng(4)
@@ -167,6 +168,6 @@ def test_the_environments_reward_remembers_the_episode():
         timestep = env.step(rng.normal([0.4, 0.2, 0.6], 1.5))
         path.append(timestep.observation["end_effector"])
         stepped.append(timestep.reward)
-    batch = rewards["discrete"]({"ee": np.array([path])})[0]
+    batch = rewards["discrete"]({"ee": np.array([path])})[0][0]
     np.testing.assert_array_equal(batch[1:], stepped)
     assert {5.0, -5.0} <= set(stepped)  # the walk is long enough to mean something

@@ -14,11 +14,12 @@ from tltlrl.errors import UserError
 from tltlrl.logic import load_spec
 from tltlrl.resources import spec_path
 from tltlrl.simulation.rollout import Simulator
-from tltlrl.tasks import default_settings, toast
-from tltlrl.tasks.task import environment
+from tltlrl.tasks.environment import environment
+from tltlrl.tasks.toast import scene as toast
+from tltlrl.tasks.toast.rewards import ToastReward, closest_before, toast_rewards
 
 CONSTANTS = {"slot_centre": (0.70, -0.35, 0.05), "toaster_centre": (0.70, -0.35, -0.105)}
-TOAST, REWARD = default_settings("toast")
+TOAST, REWARD = toast.ToastConfig(), ToastReward()
 HALF_PI = np.pi / 2
 INTO_SLOT = [  # waypoints of a motion that comes down where the slot is
     [0.6596, -0.3849, -0.7403, 1.4209, 0.9226, 0.9014, -1.1426],
@@ -83,8 +84,7 @@ INERTIAS = {
 
 
 def make_task(**changes: object) -> toast.Toast:
-    config = replace(TOAST, **{"command_noise": 0.0} | changes)
-    return toast.Toast(config, toast.toast_rewards(REWARD, CONSTANTS), random=0)
+    return toast.Toast(replace(TOAST, **{"command_noise": 0.0} | changes))
 
 
 @pytest.fixture(scope="module")
@@ -133,10 +133,11 @@ def unwrapped(difference: np.ndarray) -> np.ndarray:
 
 def test_observation_table_is_the_code() -> None:
     rows = re.findall(r"^\| (\d+) \| (\w+) \| (\S+) \|$", toast.__doc__ or "", re.MULTILINE)
-    expected = [(str(i), q.name, q.unit) for i, q in enumerate(toast.Toast.observation)]
+    parts = [(name, group.unit) for group in toast.Toast.observation for name in group.parts]
+    expected = [(str(i), *part) for i, part in enumerate(parts)]
     assert rows == expected
     assert len(rows) == 21
-    assert len(toast.Toast.action) == 8
+    assert sum(len(group.parts) for group in toast.Toast.action) == 8
 
 
 def test_forward_kinematics_is_the_published_arm(physics: toast.Physics) -> None:
@@ -188,7 +189,19 @@ def test_features_are_the_physics_own_quantities(physics: toast.Physics) -> None
     for q, v, row in zip(qpos, qvel, features, strict=True):
         with physics.reset_context():
             physics.data.qpos[:], physics.data.qvel[:] = q, v
-        np.testing.assert_allclose(row, np.concatenate([*task.observe(physics).values()]), atol=1e-12)
+        np.testing.assert_allclose(
+            row,
+            np.concatenate(
+                [
+                    physics.joint_angles(),
+                    physics.joint_velocities(),
+                    physics.end_effector(),
+                    physics.end_effector_rpy(),
+                    [physics.gripper_position()],
+                ]
+            ),
+            atol=1e-12,
+        )
 
 
 def test_signals_hold_the_pose() -> None:
@@ -300,14 +313,14 @@ def test_reference_starts_beside_the_toaster_and_ends_beside_the_slot() -> None:
     assert not task.terminated(features).any()
 
 
-def test_reached_before_remembers() -> None:
+def test_the_closest_distance_so_far_remembers() -> None:
     distance = np.array([[0.1, 0.02, 0.1, 0.1], [0.02, 0.1, 0.1, 0.1], [0.1, 0.1, 0.1, 0.02]])
-    expected = [[False, False, True, True], [False, True, True, True], [False] * 4]
-    np.testing.assert_array_equal(toast.reached_before(distance, 0.03), expected)
+    expected = [[False, False, True, True, True], [False, True, True, True, True], [False] * 4 + [True]]
+    np.testing.assert_array_equal(closest_before(distance, None) < 0.03, expected)
 
 
 def test_comparison_reward_is_equation_3_9() -> None:
-    reward = toast.toast_rewards(replace(REWARD, c1=2.0, c2=0.5, c3=0.1), CONSTANTS)["continuous"]
+    reward = toast_rewards(replace(REWARD, c1=2.0, c2=0.5, c3=0.1), CONSTANTS)["continuous"]
     slot, toaster = np.array(CONSTANTS["slot_centre"]), np.array(CONSTANTS["toaster_centre"])
     above = slot + np.array([0, 0, 0.1])
     ee = np.array([above, slot, above])
@@ -318,18 +331,19 @@ def test_comparison_reward_is_equation_3_9() -> None:
         0.5 * height - 0.1 * 20,
         -2 * 0.1 + 0.5 * (height + 0.1) - 0.1 * 80,
     ]
-    np.testing.assert_allclose(reward({"ee": ee, "gripper": gripper}), expected)
-    np.testing.assert_allclose(reward({"ee": np.stack([ee, ee]), "gripper": np.stack([gripper] * 2)}), [expected] * 2)
+    rewards, _ = reward({"ee": np.stack([ee, ee]), "gripper": np.stack([gripper] * 2)})
+    np.testing.assert_allclose(rewards, [expected] * 2)
 
 
 def test_environment_rewards_with_memory() -> None:
     task = make_task(steps=70)
     _, commands = task.reference()
-    env = environment(task)
+    reward = toast_rewards(REWARD, CONSTANTS)["continuous"]
+    env = environment(task, reward)
     env.reset()
     single = [env.step(command).reward for command in commands[:-1]]
     batch = Simulator(task).rollout(np.zeros((8, 21)), commands[None], np.zeros((1, 70, 8)))
-    rewards = task.rewards["continuous"](task.signals(batch.features, batch.commands))
+    rewards, _ = reward(task.signals(batch.features, batch.commands))
     np.testing.assert_allclose(single, rewards[0, 1:], atol=1e-9)
 
 
@@ -388,7 +402,7 @@ def test_wrong_waypoints_are_told() -> None:
     with pytest.raises(UserError, match="joint angles"):
         make_task(waypoints=[[0.0] * 6] * 3)
     with pytest.raises(UserError, match="slot_centre"):
-        toast.toast_rewards(REWARD, {})
+        toast_rewards(REWARD, {})
 
 
 @pytest.mark.parametrize("opening_step", [52, 58, 1000])
