@@ -157,8 +157,8 @@ def names(group: str) -> list[str]:
 
 
 def _addable(override: str) -> str:
-    """Hydra wants ++ before a key that the config does not have yet, as any constant of a spec."""
-    return f"++{override}" if override.startswith("constants.") else override
+    """Hydra wants ++ before a key that the config may not have yet: a constant of a spec, a setting of a learner."""
+    return f"++{override}" if override.startswith(("constants.", "algorithm.")) else override
 
 
 def _explain_unreadable(override: str) -> str:

@@ -46,8 +46,10 @@ class CrossEntropy:
 
     def tell(self, state: Policy, offsets: Array, scores: Scores) -> tuple[Policy, Diagnostics]:
         returns = scores.returns
-        if np.isnan(returns).any() or returns.max() in (np.inf, -np.inf):
-            raise ValueError("a return is NaN or +inf, or every one is -inf")
+        if (wrong := np.flatnonzero(np.isnan(returns) | (returns == np.inf))).size:
+            raise ValueError(f"the return of trajectory {wrong[0]} is {returns[wrong[0]]}")
+        if np.all(returns == -np.inf):
+            raise ValueError("every return is -inf")
         best = np.argsort(-returns, kind="stable")[: self.elite]
         best = best[np.isfinite(returns[best])]
         spread = np.sqrt(np.diagonal(state.covariance, axis1=1, axis2=2))  # (T, d)
