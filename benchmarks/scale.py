@@ -10,47 +10,54 @@ from pathlib import Path
 
 import numpy as np
 import psutil
-from tltlrl.store.record import PROGRESS, write_results
 
 from benchmarks.simulation import Row, seconds
 from tltlrl.config.compose import compose
-from tltlrl.config.read import Experiment, experiment_from
+from tltlrl.config.read import read
 from tltlrl.experiments.experiment import finished, run_folder, survey
 from tltlrl.learning.policy import Policy
 from tltlrl.reports.plotting import plot_learning_curves, read_curves
 from tltlrl.reports.report import write_report
-from tltlrl.training.loop import PROGRESS_COLUMNS, Run
+from tltlrl.store.layout import PROGRESS
+from tltlrl.store.run import write_results
+from tltlrl.training.build import make_task
+from tltlrl.training.session import arrays_of
+from tltlrl.training.study import Run, Study
 
+COLUMNS = (
+    "task,case,reward,algorithm,seed,iteration,episodes,env_steps,return_mean,robustness_mean,robustness_std,"
+    "robustness_min,robustness_max,robustness_policy,satisfied_fraction,eta,kl,effective_sample_size,entropy"
+)
 TASKS = ("reach_avoid", "visit_in_order", "toast")
 ITERATIONS, SEEDS = 500, 20
 
 
-def plan(task: str) -> Experiment:
-    """An experiment of every case of a task on 20 seeds."""
-    return experiment_from(compose([f"experiment={task}", f"seeds={SEEDS}", f"algorithm.iterations={ITERATIONS}"]))
+def plan(task: str) -> Study:
+    """A study of every case of a task on 20 seeds."""
+    return read(compose([f"experiment={task}", f"seeds={SEEDS}", f"algorithm.iterations={ITERATIONS}"]))[0]
 
 
 def make_up(run: Run, folder: Path) -> None:
     """The files of a finished run with curves of random numbers, as long as those of a real one."""
     folder.mkdir(parents=True)
     rng = np.random.default_rng([run.seed, len(run.case.name)])
-    start = f"{run.task.name},{run.case.name},{run.case.reward},{run.case.algorithm},{run.seed}"
+    start = f"{run.task.name},{run.case.name},{run.case.reward},{run.case.learner},{run.seed}"
     numbers = np.linspace(-1, 0.2, ITERATIONS)[:, None] + 0.1 * rng.standard_normal((ITERATIONS, 11))
     samples = run.algorithm.samples
     counts = [f"{start},{i},{(i + 1) * samples},{(i + 1) * samples * run.task.steps}" for i in range(ITERATIONS)]
     rows = [f"{counts[i]},{','.join(map(str, numbers[i].tolist()))}" for i in range(ITERATIONS)]
-    (folder / PROGRESS).write_text("\n".join([",".join(PROGRESS_COLUMNS), *rows]) + "\n")
-    features, commands = run.make_task().reference()
+    (folder / PROGRESS).write_text("\n".join([COLUMNS, *rows]) + "\n")
+    features, commands = make_task(run.task).reference()
     steps, d = commands.shape
     policy = Policy(np.zeros((d, features.shape[1])), commands, np.tile(np.eye(d), (steps, 1, 1)))
     successes = int(rng.integers(0, run.trials + 1))
     results = {"iterations": ITERATIONS, "robustness_policy": numbers[-1, 5], "satisfied": bool(numbers[-1, 5] > 0),
                "trials": run.trials, "successes": successes, "outcomes": {}, "why_policy_fails": [],
                "why_trials_fail": []}  # fmt: skip
-    write_results(folder, run.identity(), policy, results)
+    write_results(folder, run.identity(), arrays_of(policy), results)
 
 
-def summarise(folder: Path, experiments: list[Experiment]) -> tuple[float, float]:
+def summarise(folder: Path, experiments: list[Study]) -> tuple[float, float]:
     """Seconds and peak memory above that of before (MB) to summarise and plot experiments in a process of their own."""
     ours, its = os.pipe()
     pid = os.fork()

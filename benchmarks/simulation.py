@@ -13,14 +13,16 @@ import mujoco
 import numpy as np
 
 from tltlrl.config.compose import compose
-from tltlrl.config.read import experiment_from
+from tltlrl.config.read import read
 from tltlrl.experiments.engine import run_all
 from tltlrl.learning.learner import Scores
 from tltlrl.learning.policy import Policy
 from tltlrl.learning.reps import EpisodeBased, RepsSettings
-from tltlrl.simulation.rollout import Simulator
-from tltlrl.tasks.task import CONTROL_TIMESTEP, environment
-from tltlrl.training.loop import Run, initial_policy, iterate
+from tltlrl.tasks.environment import environment
+from tltlrl.training.build import first_policy as start_of
+from tltlrl.training.build import set_up
+from tltlrl.training.loop import iterate
+from tltlrl.training.study import Run
 
 Row = tuple[str, float, float | None, str]  # what, measured, target if any, ">=" or "<="
 
@@ -42,18 +44,18 @@ def median_ratio(a: Callable[[], object], b: Callable[[], object], rounds: int =
 
 def make_run(name: str) -> Run:
     """The first run of an experiment."""
-    return experiment_from(compose([f"experiment={name}"])).runs()[0]
+    return read(compose([f"experiment={name}"]))[0].runs()[0]
 
 
 def closed_loop(count: int = 30) -> list[Row]:
     """The batched closed loop against raw mj_step, and against stepping the task's dm_env environment."""
     run = make_run("reach_avoid")
-    task = run.make_task()
-    simulator, policy = Simulator(task), initial_policy(task, run.algorithm)
+    setup = set_up(run)
+    task, simulator, policy = setup.task, setup.simulator, start_of(setup.task, run.algorithm)
     rng = np.random.default_rng(0)
     offsets, noise = policy.sample(count, rng), simulator.draw_command_noise(count, rng)
     physics = task.make_physics()
-    substeps = round(CONTROL_TIMESTEP / physics.timestep())
+    substeps = round(task.control_timestep / physics.timestep())
     model, data = physics.model.ptr, physics.data.ptr
 
     def batch() -> None:
@@ -70,7 +72,6 @@ def closed_loop(count: int = 30) -> list[Row]:
             observed = np.concatenate([timestep.observation[key] for key in timestep.observation])
             timestep = env.step(policy.gain @ observed + offset)
 
-    task.rewards["discrete"] = lambda signals: np.zeros(signals["ee"].shape[:-1])
     return [
         (f"closed loop, N = {count}: rate / raw mj_step rate", 1 / median_ratio(batch, raw), 0.7, ">="),
         (f"closed loop, N = {count}: rate / dm_env loop rate", count * median_ratio(loop, batch), 6, ">="),
@@ -80,14 +81,14 @@ def closed_loop(count: int = 30) -> list[Row]:
 def iteration(name: str) -> Row:
     """One whole training iteration against its physics alone."""
     run = make_run(name)
-    task = run.make_task()
-    simulator, policy = Simulator(task), initial_policy(task, run.algorithm)
+    setup = set_up(run)
+    state = setup.learner.start(start_of(setup.task, run.algorithm))
     ratios = []
     for i in range(2 * ROUNDS):
         start = time.perf_counter()
-        result = iterate(run, task, simulator, policy, i)
+        result = iterate(run, setup, state, i)
         ratios.append((time.perf_counter() - start) / result.physics_seconds)
-        policy = result.policy
+        state = result.state
     return f"{name}: whole iteration / its physics", statistics.median(ratios[2:]), 1.35, "<="
 
 
@@ -108,7 +109,7 @@ def update() -> Row:
 
 def raw_rate(processes: int, steps: int = 400_000) -> float:
     """Steps per second of that many processes, all in mj_step from the start to the end of the clock."""
-    physics = make_run("reach_avoid").make_task().make_physics()
+    physics = set_up(make_run("reach_avoid")).task.make_physics()
     model, data = physics.model.ptr, physics.data.ptr
     context = multiprocessing.get_context("fork")
     ready = context.Barrier(processes + 1)
@@ -131,7 +132,7 @@ def experiment_rate(workers: int, count: int = 24) -> float:
     Before that they import MuJoCo, which is start-up and not throughput.
     """
     settings = ["experiment=reach_avoid", "cases=[tltl_episodic]", "algorithm.iterations=25", "trials=1"]
-    runs = experiment_from(compose([*settings, f"seeds={count + workers}"])).runs()
+    runs = read(compose([*settings, f"seeds={count + workers}"]))[0].runs()
     first: set[int] = set(range(workers))  # one for each worker
     ends: list[float] = []
 

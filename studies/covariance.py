@@ -26,10 +26,11 @@ import pandas as pd
 
 from studies.lockstep import Array, Fit, Kinematic, Learner, train
 from tltlrl.config.compose import compose
-from tltlrl.config.read import experiment_from
+from tltlrl.config.read import read
 from tltlrl.learning.reps import fit
+from tltlrl.registry import LEARNERS
 from tltlrl.simulation.rollout import Simulator
-from tltlrl.training.loop import initial_policy
+from tltlrl.training.build import first_policy, make_reward, make_task
 
 RESULTS = Path(__file__).parent / "covariance.csv"
 DIMENSIONS = 3  # joint-velocity commands of the planar arm
@@ -140,17 +141,17 @@ def run(
 ) -> pd.DataFrame:
     """Trains one setting on every seed; one row per seed."""
     overrides = [f"algorithm.{k}={v}" for k, v in dataclasses.asdict(setting).items() if k not in ("rule", "parameter")]
-    first = experiment_from(compose([f"experiment={task_name}", f"cases=[{case}]", *overrides])).runs()[0]
-    task = first.make_task()
+    study, _ = read(compose([f"experiment={task_name}", f"cases=[{case}]", *overrides]))
+    first = study.runs()[0]
+    task, reward, by_step = make_task(first.task), make_reward(first), LEARNERS.get(first.case.learner).by_step
     iterations = iterations or first.algorithm.iterations
-    reward = None if first.case.reward == "tltl" else task.rewards[first.case.reward]
-    learners = [Learner(s, setting.fit(), setting.epsilon, reward, first.case.algorithm == "step") for s in seeds]
+    learners = [Learner(s, setting.fit(), setting.epsilon, reward, by_step) for s in seeds]
     start = time.perf_counter()
     curves = train(
         task,
         first.spec,
         Kinematic(task) if kinematic else Simulator(task),
-        initial_policy(task, first.algorithm),
+        first_policy(task, first.algorithm),
         learners,
         first.algorithm.samples,
         iterations,

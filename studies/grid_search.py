@@ -25,10 +25,12 @@ import pandas as pd
 
 from studies.lockstep import Kinematic, Learner, train
 from tltlrl.config.compose import compose
-from tltlrl.config.read import experiment_from
+from tltlrl.config.read import read
 from tltlrl.learning.reps import fit
+from tltlrl.registry import LEARNERS
 from tltlrl.simulation.rollout import Simulator
-from tltlrl.training.loop import Run, initial_policy
+from tltlrl.training.build import first_policy, make_reward, make_task
+from tltlrl.training.study import Run
 
 STUDIES = Path(__file__).parent
 SEEDS = (100, 101, 102, 103)
@@ -70,22 +72,23 @@ def search(
 def _train(
     task_name: str, case: str, jobs: Sequence[tuple[Coefficients, int]], kinematic: bool, iterations: int | None
 ) -> pd.DataFrame:
-    base = experiment_from(compose([f"experiment={task_name}", f"cases=[{case}]"])).runs()[0]
-    a = base.algorithm
+    study, _ = read(compose([f"experiment={task_name}", f"cases=[{case}]"]))
+    base = study.runs()[0]
+    a, own = base.algorithm, base.learner
     iterations = iterations or a.iterations
     learners = [
         Learner(
             seed,
-            functools.partial(fit, rule=a.covariance, kept=a.kept),
-            a.epsilon,
-            _with(base, point).make_task().rewards[base.case.reward],
-            base.case.algorithm == "step",
+            functools.partial(fit, rule=own.covariance, kept=own.kept),
+            own.epsilon,
+            make_reward(_with(base, point)),
+            LEARNERS.get(base.case.learner).by_step,
         )
         for point, seed in jobs
     ]
-    task = base.make_task()
+    task = make_task(base.task)
     simulator = Kinematic(task) if kinematic else Simulator(task)
-    curves = train(task, base.spec, simulator, initial_policy(task, a), learners, a.samples, iterations)
+    curves = train(task, base.spec, simulator, first_policy(task, a), learners, a.samples, iterations)
     satisfied = curves.policy > 0
     return pd.DataFrame(
         {

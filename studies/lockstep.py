@@ -18,8 +18,8 @@ from tltlrl.learning.policy import Policy
 from tltlrl.learning.reps import reward_to_go, solve_dual
 from tltlrl.logic import Spec
 from tltlrl.simulation.rollout import Simulator, Trajectories
-from tltlrl.tasks.planar_arm import forward_kinematics
-from tltlrl.tasks.task import CONTROL_TIMESTEP, StepReward, Task
+from tltlrl.tasks.planar_arm.scene import forward_kinematics
+from tltlrl.tasks.task import StepReward, Task
 
 Array = NDArray[np.float64]
 Fit = Callable[[Array, Array, Array, Array], tuple[Array, Array]]
@@ -77,7 +77,7 @@ class Kinematic(Simulator):
             commands[t] = angles[t] @ feedback + offsets[t]
             if t + 1 < steps:
                 np.clip(commands[t] + noise[t], -config.max_speed, config.max_speed, out=velocities[t + 1])
-                np.add(angles[t], CONTROL_TIMESTEP * velocities[t + 1], out=angles[t + 1])
+                np.add(angles[t], self._task.control_timestep * velocities[t + 1], out=angles[t + 1])
         ee = forward_kinematics(angles, np.array(config.link_lengths))
         features = np.concatenate([angles, velocities, ee], axis=-1)
         return Trajectories(
@@ -124,7 +124,7 @@ def _weights(learner: Learner, signals: dict[str, Array], robustness: Array, ste
     """Weights of the samples at every step, shape (T, N)."""
     if learner.reward is None:
         return np.tile(solve_dual(robustness, learner.epsilon).weights, (steps, 1))
-    rewards = learner.reward(signals)
+    rewards, _ = learner.reward(signals)
     if learner.by_step:
         return solve_dual(reward_to_go(rewards).T, learner.epsilon).weights
     return np.tile(solve_dual(rewards.sum(axis=1), learner.epsilon).weights, (steps, 1))

@@ -24,18 +24,22 @@ from tltlrl.learning.policy import Policy
 from tltlrl.logic import Spec
 from tltlrl.simulation.rollout import Simulator
 from tltlrl.simulation.trials import mean_motion
-from tltlrl.tasks.task import CONTROL_TIMESTEP, Signals
-from tltlrl.training.loop import DONE, Run, initial_policy, try_policy
+from tltlrl.store.layout import DONE
+from tltlrl.tasks.task import Signals
+from tltlrl.training.build import first_policy, make_task
+from tltlrl.training.study import Run
+from tltlrl.training.verdict import try_policy
 
 Array = NDArray[np.float64]
 
 
-def movement(signals: Signals, lengths: NDArray[np.int64]) -> dict[str, float]:
+def movement(signals: Signals, lengths: NDArray[np.int64], timestep: float) -> dict[str, float]:
     """Size of accelerations and command changes over all joints and steps of some trajectories.
 
     Args:
       signals: with `velocities` (N, T, d) and `command` (N, T, d or more), rad/s, the joints first.
       lengths: samples of each trajectory that count, shape (N,).
+      timestep: between two samples, s.
 
     Returns:
       Root mean square (`_rms`) and, of accelerations and commands, the largest absolute value (`_peak`); rad/s^2 for
@@ -44,7 +48,7 @@ def movement(signals: Signals, lengths: NDArray[np.int64]) -> dict[str, float]:
     velocities = [v[:length] for v, length in zip(signals["velocities"], lengths, strict=True)]
     joints = velocities[0].shape[1]
     commands = [c[:length, :joints] for c, length in zip(signals["command"], lengths, strict=True)]
-    accelerations = _steps(velocities) / CONTROL_TIMESTEP
+    accelerations = _steps(velocities) / timestep
     return {
         "acceleration_rms": _rms(accelerations),
         "acceleration_peak": float(np.abs(accelerations).max()),
@@ -73,13 +77,15 @@ def measure(run: Run, policy: Policy, specs: Mapping[str, Spec]) -> dict[str, fl
       Columns `mean_*` of its noise-free motion and `trial_*` of its noisy trials; `mean_<spec>`, the robustness of the
       former; `trials_*`, the number of trials that satisfied each spec and had each of the task's own outcomes.
     """
-    task = run.make_task()
+    task = make_task(run.task)
     motion = mean_motion(Simulator(task), policy)
     signals = task.signals(motion.features, motion.commands)
     rng = np.random.default_rng([run.seed, run.algorithm.iterations, run.trials])
     tried = try_policy(run, policy, run.trials, rng)
-    row = {f"mean_{name}": value for name, value in movement(signals, motion.lengths).items()}
-    row |= {f"trial_{name}": value for name, value in movement(tried.signals, tried.lengths).items()}
+    row = {f"mean_{name}": value for name, value in movement(signals, motion.lengths, task.control_timestep).items()}
+    row |= {
+        f"trial_{name}": value for name, value in movement(tried.signals, tried.lengths, task.control_timestep).items()
+    }
     for name, spec in specs.items():
         row[f"mean_{name}"] = float(spec.robustness(signals, motion.lengths)[0])
         row[f"trials_{name}"] = int(np.sum(spec.robustness(tried.signals, tried.lengths) > 0))
@@ -95,7 +101,7 @@ def table(folders: Sequence[Path]) -> pd.DataFrame:
         labels = {"folder": path.parents[1].name, "case": run.case.name}
         if path.parent not in started:
             started.add(path.parent)
-            start = initial_policy(run.make_task(), run.algorithm)
+            start = first_policy(make_task(run.task), run.algorithm)
             rows.append(labels | {"seed": -1, "trials": run.trials} | measure(run, start, specs))
         rows.append(labels | {"seed": run.seed, "trials": run.trials} | measure(run, policy, specs))
     return pd.DataFrame(rows)

@@ -14,14 +14,14 @@ def explanations(*rows):
 
 def test_the_predicate_that_decides_is_named_with_its_steps_and_values():
     first, second = failed(explanations([0.0, 1.5, 0.0], [0.0, 0.0, 0.5], [0.0, 0.0, 2.25], [0.0, 0.25, 0.0]))
-    assert str(first) == "`x < 1` in low, at steps 1 to 2 (0.05 to 0.10 s), robustness -1.250 to -0.500"
-    assert str(second) == "`x > 0.4` in high, at step 1 (0.05 s), robustness -0.150"
+    assert first.told(0.05) == "`x < 1` in low, at steps 1 to 2 (0.05 to 0.10 s), robustness -1.250 to -0.500"
+    assert second.told(0.05) == "`x > 0.4` in high, at step 1 (0.05 s), robustness -0.150"
 
 
 def test_a_negated_predicate_is_shown_negated():
     spec = parse_spec("signal x\ndef high: x > 3\nspec: G !high")
     (reason,) = failed(spec.explain({"x": np.array([[0.0, 5.0]])}))
-    assert str(reason) == "`!(x > 3)` in high, at step 1 (0.05 s), robustness -2.000"
+    assert reason.told(0.05) == "`!(x > 3)` in high, at step 1 (0.05 s), robustness -2.000"
 
 
 def test_the_end_of_the_trajectory_can_decide():

@@ -3,7 +3,7 @@ from pathlib import Path
 import pandas as pd
 
 from tltlrl.config.compose import compose
-from tltlrl.config.read import experiment_from
+from tltlrl.config.read import read
 from tltlrl.logic.reasons import Reason, to_json
 from tltlrl.reports.report import bottleneck_lines, summary_page, trial_lines
 
@@ -28,18 +28,18 @@ def finished(*runs):
 
 def test_what_holds_failed_policies_back_is_counted_over_the_seeds():
     runs = finished(("a", 0, [LATE], []), ("a", 1, [LATER], []), ("a", 2, [], []), ("b", 0, [], []))
-    lines = bottleneck_lines(runs)
+    lines = bottleneck_lines(runs, 0.05)
     assert "- a, 2 of 3 seeds:" in lines
     assert (
         "  - 2 of 3: `d < 0.2` in at_goal, at steps 150 to 199 (7.50 to 9.95 s), robustness -0.500 to -0.250" in lines
     )
     assert not any(line.startswith("- b") for line in lines)
-    assert bottleneck_lines(finished(("b", 0, [], []))) == []
+    assert bottleneck_lines(finished(("b", 0, [], [])), 0.05) == []
 
 
 def test_the_trials_of_every_run_with_their_interval_and_reasons():
     runs = finished(("a", 0, [], []), ("a", 1, [], [INSIDE, LATE]))
-    lines = trial_lines(summary(runs, bread_in_slot=3), runs)
+    lines = trial_lines(summary(runs, bread_in_slot=3), runs, 0.05)
     assert (
         "| case | seed | successful trials (95 % Wilson interval) | with bread in slot | why trials failed |" in lines
     )
@@ -60,7 +60,7 @@ def test_the_first_satisfied_iteration_is_a_median_over_all_seeds():
         }
         for seed, (case, first) in enumerate(rows)
     )  # fmt: skip
-    experiment = experiment_from(compose(["experiment=reach_avoid"]))
+    experiment, _ = read(compose(["experiment=reach_avoid"]))
     lines = summary_page(experiment, table, {}).splitlines()
     assert "| a | 3 of 3 | 0.500 (0.500 to 0.500) | 20 | 0.250 | 21 of 30 |" in lines
     assert "| b | 3 of 3 | 0.500 (0.500 to 0.500) | never | 0.250 | 21 of 30 |" in lines

@@ -11,11 +11,12 @@ from studies import covariance, grid_search, smoothness
 from studies.claims import claim_lines
 from studies.lockstep import Kinematic, Learner, train
 from tltlrl.cli import main as cli
-from tltlrl.config.read import experiment_from
+from tltlrl.config.read import read
 from tltlrl.learning.reps import fit
 from tltlrl.reports.report import summary_page
 from tltlrl.simulation.rollout import Simulator
-from tltlrl.training.loop import initial_policy, iterate
+from tltlrl.training import build
+from tltlrl.training.loop import iterate
 
 # Some touch the table and end early; what they command after that is no part of the robustness.
 TOUCHING_THE_TABLE = ("algorithm.initial_std=1.0", "algorithm.feedback=-1.0", "spec=toast_smooth.tltl")
@@ -33,22 +34,22 @@ TOUCHING_THE_TABLE = ("algorithm.initial_std=1.0", "algorithm.feedback=-1.0", "s
 )
 def test_runs_in_lockstep_are_the_products_runs(experiment, case):
     settings = [f"experiment={experiment}", f"cases=[{case}]", "seeds=[3, 8]", "algorithm.samples=5"]
-    runs = experiment_from(cli.compose([*settings, *(TOUCHING_THE_TABLE if experiment == "toast" else ())])).runs()
-    a = runs[0].algorithm
-    task = runs[0].make_task()
-    reward = task.rewards.get(runs[0].case.reward)
+    study, _ = read(cli.compose([*settings, *(TOUCHING_THE_TABLE if experiment == "toast" else ())]))
+    runs = study.runs()
+    a, own = runs[0].algorithm, runs[0].learner
+    task, reward = build.make_task(study.task), build.make_reward(runs[0])
 
     def rule(*arguments):
-        return fit(*arguments, a.covariance, a.kept)
+        return fit(*arguments, own.covariance, own.kept)
 
-    learners = [Learner(run.seed, rule, a.epsilon, reward, run.case.algorithm == "step") for run in runs]
-    curves = train(task, runs[0].spec, Simulator(task), initial_policy(task, a), learners, a.samples, 3)
+    learners = [Learner(run.seed, rule, own.epsilon, reward, run.case.learner == "step") for run in runs]
+    curves = train(task, runs[0].spec, Simulator(task), build.first_policy(task, a), learners, a.samples, 3)
     ended_early = 0
     for j, run in enumerate(runs):
-        policy = initial_policy(task, a)
+        policy = build.first_policy(task, a)
         for i in range(3):
-            result = iterate(run, task, Simulator(task), policy, i)
-            policy = result.policy
+            result = iterate(run, build.set_up(run), policy, i)
+            policy = result.state
             ended_early += result.env_steps < a.samples * task.steps
             np.testing.assert_allclose(curves.samples[i, j], result.record["robustness_mean"], rtol=1e-9)
             np.testing.assert_allclose(curves.policy[i, j], result.record["robustness_policy"], rtol=1e-9)
@@ -56,9 +57,9 @@ def test_runs_in_lockstep_are_the_products_runs(experiment, case):
 
 
 def test_the_kinematic_model_stays_within_six_centimetres_of_the_simulation_under_full_exploration():
-    run = experiment_from(cli.compose(["experiment=visit_in_order"])).runs()[0]
-    task, rng = run.make_task(), np.random.default_rng(0)
-    policy = initial_policy(task, run.algorithm)
+    study, _ = read(cli.compose(["experiment=visit_in_order"]))
+    task, rng = build.make_task(study.task), np.random.default_rng(0)
+    policy = build.first_policy(task, study.algorithm)
     offsets, noise = policy.sample(5, rng), np.zeros((5, task.steps, 3))
     ends = [kind(task).rollout(policy.gain, offsets, noise).features[..., 6:8] for kind in (Kinematic, Simulator)]
     assert np.linalg.norm(ends[0] - ends[1], axis=-1).max() < 0.06
@@ -106,7 +107,7 @@ def test_movement_is_measured_up_to_each_trajectorys_end():
     nan = np.nan
     velocities = np.array([[[0.0], [0.05], [0.15]], [[0.0], [-0.15], [nan]]])
     commands = np.array([[[0.1, 7], [0.1, 9], [0.3, 1]], [[0.5, 0], [0.3, 0], [nan, 0]]])  # the second is the gripper's
-    moved = smoothness.movement({"velocities": velocities, "command": commands}, np.array([3, 2]))
+    moved = smoothness.movement({"velocities": velocities, "command": commands}, np.array([3, 2]), 0.05)
     expected = {
         "acceleration_rms": np.sqrt((1 + 4 + 9) / 3),
         "acceleration_peak": 3.0,
@@ -161,10 +162,10 @@ def test_pages_show_the_tables_of_their_csv_files():
         assert line in page, line
     results = (docs / "results.md").read_text()
     toast = pd.read_csv(studies / "toast.csv").query("spec == 'toast.tltl'").drop(columns="spec")
-    for line in summary_page(experiment_from(cli.compose(["experiment=toast"])), toast, {}).splitlines():
+    for line in summary_page(read(cli.compose(["experiment=toast"]))[0], toast, {}).splitlines():
         assert not line.startswith("|") or line in (docs / "toast-notes.md").read_text(), line
     for task, summary in pd.read_csv(studies / "results.csv").groupby("task"):
         assert "\n".join(claim_lines(summary)).replace("## ", "### ").strip() in results, task
-        experiment = experiment_from(cli.compose([f"experiment={task}"]))
+        experiment, _ = read(cli.compose([f"experiment={task}"]))
         for line in summary_page(experiment, summary, {}).splitlines():
             assert not line.startswith("|") or line in results, line

@@ -171,3 +171,28 @@ def test_the_environments_reward_remembers_the_episode():
     batch = rewards["discrete"]({"ee": np.array([path])})[0][0]
     np.testing.assert_array_equal(batch[1:], stepped)
     assert {5.0, -5.0} <= set(stepped)  # the walk is long enough to mean something
+
+
+def test_wrong_settings_are_told():
+    for change, message in (
+        ({"link_lengths": [1.0, 1.0]}, r"task.link_lengths: \[1.0, 1.0\] must be three positive lengths, m"),
+        ({"link_lengths": [1.0, 0.0, 1.0]}, "task.link_lengths: 0.0 is too small; it must be above 0"),
+        ({"start_angles": [0.0]}, r"task.start_angles: \[0.0\] must be three angles, rad"),
+        ({"max_speed": 0.0}, "task.max_speed: 0.0 is too small; it must be above 0"),
+        ({"command_noise": -0.1}, "task.command_noise: -0.1 is too small; it must be at least 0"),
+        ({"command_noise": float("nan")}, "task.command_noise: nan is not a finite number"),
+        ({"steps": 1}, "task.steps: 1 is too small; it must be at least 2"),
+        ({"steps": 100_001}, "task.steps: 100001 is too large; it must be at most 100000"),
+    ):
+        with pytest.raises(UserError, match=f"^{message}$"):
+            replace(ARM, **change)
+
+
+def test_the_skeleton_ends_where_the_end_effector_is():
+    task = PlanarArm(replace(ARM, link_lengths=[0.5, 1.5, 0.25]))
+    features = task.features(np.random.default_rng(0).normal(size=(7, 3)), np.zeros((7, 3)))
+    points = task.skeleton(features)
+    assert points.shape == (7, 4, 2)
+    np.testing.assert_array_equal(points[:, 0], 0.0)
+    np.testing.assert_allclose(points[:, -1], features[:, task.slices["end_effector"]], atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(np.diff(points, axis=1), axis=2), [[0.5, 1.5, 0.25]] * 7)

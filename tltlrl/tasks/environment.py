@@ -25,6 +25,9 @@ def environment(
 ) -> control.Environment:
     """The task as an environment: `reset` gives s_0, the last of T - 1 steps gives s_{T-1}.
 
+    A reward comes with the sample that a step leads to. The command at that sample is not known then: where a reward
+    or a spec asks for it, the one that led there stands for it (0 at s_0).
+
     Args:
       task: what is simulated.
       reward: a hand-made one, per step; or a spec, whose robustness is the reward of the last step, all others
@@ -58,6 +61,7 @@ class _View(control.Task):  # type: ignore[misc]  # dm_control has no types
         physics.data.qpos[:], physics.data.qvel[:] = self._task.initial_state()
         physics.forward()
         self._sample, self._memory = 0, None
+        self._commands[0] = 0.0
         self._record(physics)
         if self._reward is not None and not isinstance(self._reward, Spec):
             _, self._memory = self._reward(self._signals(slice(0, 1)), None)
@@ -69,8 +73,9 @@ class _View(control.Task):  # type: ignore[misc]  # dm_control has no types
         physics.set_control(disturbed)
 
     def after_step(self, physics: mujoco.Physics) -> None:
-        """Takes down the new sample."""
+        """Takes down the new sample, and a command until its own is known."""
         self._sample += 1
+        self._commands[self._sample] = self._commands[self._sample - 1]
         self._record(physics)
 
     def get_observation(self, physics: mujoco.Physics) -> collections.OrderedDict[str, Array]:  # noqa: ARG002
@@ -100,7 +105,6 @@ class _View(control.Task):  # type: ignore[misc]  # dm_control has no types
     def _record(self, physics: mujoco.Physics) -> None:
         qpos, qvel = np.array(physics.data.qpos), np.array(physics.data.qvel)
         self._features[self._sample] = self._task.features(qpos[None], qvel[None])[0]
-        self._commands[self._sample] = 0.0  # not known yet
 
     def _signals(self, samples: slice) -> Mapping[str, Array]:
         return self._task.signals(self._features[None, samples], self._commands[None, samples])

@@ -1,0 +1,117 @@
+"""The dm_env view: what it adds to a task, and nothing else."""
+
+import numpy as np
+import pytest
+
+import tltlrl
+from tltlrl.errors import UserError
+from tltlrl.logic import load_spec, parse_spec
+from tltlrl.registry import TASKS
+from tltlrl.resources import spec_path
+from tltlrl.tasks.environment import environment
+from tltlrl.tasks.planar_arm.scene import PlanarArm, PlanarArmConfig
+from tltlrl.tasks.toast.scene import Toast, ToastConfig
+
+STEPS = 12
+
+
+@pytest.fixture
+def task():
+    return PlanarArm(PlanarArmConfig(steps=STEPS, command_noise=0.1))
+
+
+def observed(timestep):
+    return np.concatenate(list(timestep.observation.values()))
+
+
+def stepped(env, commands):
+    return [env.reset(), *(env.step(command) for command in commands)]
+
+
+def test_observations_are_the_features_by_group(task):
+    timestep = environment(task).reset()
+    features = task.features(*(state[None] for state in task.initial_state()))[0]
+    assert list(timestep.observation) == ["angles", "velocities", "end_effector"]
+    for name, values in timestep.observation.items():
+        np.testing.assert_array_equal(values, features[task.slices[name]])
+
+
+def test_the_noise_is_that_of_the_seeds_stream(task):
+    """Commands without noise, but with the stream's numbers added, give the same motion."""
+    commands = np.random.default_rng(0).normal(size=(STEPS - 1, 3))
+    stream = np.random.RandomState(7)
+    disturbed = [command + 0.1 * stream.standard_normal(3) for command in commands]
+    noisy = stepped(environment(task, random=7), commands)
+    quiet = stepped(environment(task, noise=False), disturbed)
+    for a, b in zip(noisy, quiet, strict=True):
+        np.testing.assert_array_equal(observed(a), observed(b))
+
+
+def test_a_reward_sees_the_command_that_led_to_a_sample(task):
+    def effort(signals, memory=None):
+        return -np.sum(signals["command"] ** 2, axis=-1), memory
+
+    commands = np.random.default_rng(0).normal(size=(STEPS - 1, 3))
+    rewards = [step.reward for step in stepped(environment(task, effort), commands)[1:]]
+    np.testing.assert_allclose(rewards, -np.sum(commands**2, axis=1))
+
+
+def test_a_spec_of_commands_sees_every_one_that_was_sent(task):
+    spec = parse_spec("signal command[3]\nspec: G command[0] < 1")
+    for slow in range(STEPS - 1):
+        commands = np.full((STEPS - 1, 3), 0.75)
+        commands[slow] = 0.875
+        rewards = [step.reward for step in stepped(environment(task, spec), commands)[1:]]
+        assert rewards == [0.0] * (STEPS - 2) + [0.125]
+
+
+def test_every_sample_is_looked_at_once(task):
+    """The work per step does not grow with the episode."""
+    lengths = []
+
+    def reward(signals, memory=None):
+        lengths.append(signals["ee"].shape[1])
+        return np.zeros(signals["ee"].shape[:2]), memory
+
+    stepped(environment(task, reward), np.zeros((STEPS - 1, 3)))
+    assert lengths == [1] * STEPS
+
+
+def test_the_spec_of_an_episode_that_ends_early_is_paid_when_it_ends():
+    task = Toast(ToastConfig(command_noise=0.0))
+    env = environment(task, parse_spec("signal ee[3]\nspec: F ee[2] < -0.2"))
+    lean = np.zeros(8)
+    lean[1] = 1.0  # down to the table
+    timestep, rewards = env.reset(), []
+    while not timestep.last():
+        timestep = env.step(lean)
+        rewards.append(timestep.reward)
+    assert len(rewards) < task.steps - 1
+    assert timestep.discount == 0.0
+    assert rewards[:-1] == [0.0] * (len(rewards) - 1)
+    assert rewards[-1] == -0.2 - timestep.observation["end_effector"][2] > 0
+
+
+def test_a_second_episode_knows_nothing_of_the_first(task):
+    def count(signals, memory=0):
+        return np.full(signals["ee"].shape[:2], (memory or 0) + 1.0), (memory or 0) + 1
+
+    env = environment(task, count)
+    for _ in range(2):
+        rewards = [step.reward for step in stepped(env, np.zeros((STEPS - 1, 3)))[1:]]
+        assert rewards == list(range(2, STEPS + 1))
+
+
+@pytest.mark.parametrize("name", TASKS.built_in)
+def test_load_task_has_the_first_hand_made_reward(name):
+    entry = TASKS.get(name)
+    rewards = entry.rewards(entry.reward(), load_spec(spec_path(entry.spec)).constants)
+    expected = environment(entry.make(entry.config()), rewards[entry.hand_made[0]], random=3)
+    loaded = tltlrl.load_task(name, seed=3)
+    commands = np.random.default_rng(0).normal(size=(9, *loaded.action_spec().shape))
+    assert [s.reward for s in stepped(loaded, commands)] == [s.reward for s in stepped(expected, commands)]
+
+
+def test_an_unknown_task_is_told():
+    with pytest.raises(UserError, match=r"^no task is named tost; did you mean toast\?$"):
+        tltlrl.load_task("tost")
