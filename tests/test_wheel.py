@@ -45,7 +45,7 @@ def test_every_config_and_spec_is_in_the_wheel(installed):
             path.relative_to(installed / "tltlrl" / source) for path in (installed / "tltlrl" / source).rglob("*.*")
         }
         assert inside == {path.relative_to(ROOT / source) for path in (ROOT / source).rglob("*.*")}
-    assert (installed / "tltlrl/tasks/planar_arm.xml").exists()
+    assert (installed / "tltlrl/tasks/planar_arm/arm.xml").exists()
     assert (installed / "tltlrl/logic/grammar.lark").exists()
 
 

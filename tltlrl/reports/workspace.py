@@ -38,15 +38,15 @@ def draw_workspace(run: Run, policy: Policy, path: Path, count: int = 20) -> Non
     sampled = simulator.rollout(policy.gain, policy.sample(count, rng), simulator.draw_command_noise(count, rng))
     motion = mean_motion(simulator, policy)
     signals = task.signals(motion.features, motion.commands)
-    robustness = run.spec.robustness(signals)[0]
+    robustness = run.spec.robustness(signals, motion.lengths)[0]
 
     with mpl.rc_context(FONT):
         figure = Figure(figsize=(4.8, 4.2), layout="constrained")
         axes = figure.add_subplot()
         _draw_regions(axes, run.spec)
-        for ee in task.signals(sampled.features, sampled.commands)["ee"]:
+        for ee in task.skeleton(sampled.features)[..., -1, :]:
             axes.plot(*ee.T, color="0.6", linewidth=0.3, zorder=2)
-        ee = signals["ee"][0]
+        ee = task.skeleton(motion.features[0])[:, -1]
         axes.plot(*ee.T, color="black", linewidth=0.8, zorder=4)
         axes.plot(*ee[0], "o", color="black", markersize=5, zorder=6)
         axes.plot(*ee[-1], "s", color="black", markeredgecolor="white", markersize=6, zorder=6)

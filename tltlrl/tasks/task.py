@@ -73,7 +73,8 @@ class Task(abc.ABC):
 
     What not every task can do is None where it cannot:
       camera: of the model, for films.
-      skeleton: features (..., n) => points (..., P, 2), m: the robot as a polyline, for pictures of the plane.
+      skeleton: features (..., n) => points (..., P, 2), m: the robot as a polyline from its base to its end-effector,
+        for pictures of the plane.
     """
 
     name: str

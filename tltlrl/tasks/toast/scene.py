@@ -105,7 +105,7 @@ class ToastConfig:
         "of the rough motion that learning starts from: s0 s1 e0 e1 w0 w1 w2, rad", ROUGH_MOTION
     )
     waypoint_steps: list[int] = setting("sample at which each waypoint is passed; the first is 0", [0, 40, 60])
-    opening_step: int = setting("first step at which the rough motion opens the gripper", 52)
+    opening_step: int = setting("step at which the rough motion opens the gripper; 52 is 0.4 s too early", 52)
     grip: float = setting("per cent beyond closed and open that it commands, so that noise loosens no grip", 20.0)
     command_noise: float = setting(
         "standard deviation of the actuators' noise, as a share of a full command", 0.005, least=0
