@@ -11,6 +11,7 @@ from studies import covariance, grid_search, smoothness
 from studies.claims import claim_lines
 from studies.lockstep import Kinematic, Learner, train
 from tltlrl.cli import main as cli
+from tltlrl.config.compose import compose
 from tltlrl.config.read import read
 from tltlrl.learning.reps import fit
 from tltlrl.reports.report import summary_page
@@ -34,7 +35,7 @@ TOUCHING_THE_TABLE = ("algorithm.initial_std=1.0", "algorithm.feedback=-1.0", "s
 )
 def test_runs_in_lockstep_are_the_products_runs(experiment, case):
     settings = [f"experiment={experiment}", f"cases=[{case}]", "seeds=[3, 8]", "algorithm.samples=5"]
-    study, _ = read(cli.compose([*settings, *(TOUCHING_THE_TABLE if experiment == "toast" else ())]))
+    study, _ = read(compose([*settings, *(TOUCHING_THE_TABLE if experiment == "toast" else ())]))
     runs = study.runs()
     a, own = runs[0].algorithm, runs[0].learner
     task, reward = build.make_task(study.task), build.make_reward(runs[0])
@@ -57,7 +58,7 @@ def test_runs_in_lockstep_are_the_products_runs(experiment, case):
 
 
 def test_the_kinematic_model_stays_within_six_centimetres_of_the_simulation_under_full_exploration():
-    study, _ = read(cli.compose(["experiment=visit_in_order"]))
+    study, _ = read(compose(["experiment=visit_in_order"]))
     task, rng = build.make_task(study.task), np.random.default_rng(0)
     policy = build.first_policy(task, study.algorithm)
     offsets, noise = policy.sample(5, rng), np.zeros((5, task.steps, 3))
@@ -162,10 +163,10 @@ def test_pages_show_the_tables_of_their_csv_files():
         assert line in page, line
     results = (docs / "results.md").read_text()
     toast = pd.read_csv(studies / "toast.csv").query("spec == 'toast.tltl'").drop(columns="spec")
-    for line in summary_page(read(cli.compose(["experiment=toast"]))[0], toast, {}).splitlines():
+    for line in summary_page(read(compose(["experiment=toast"]))[0], toast, {}).splitlines():
         assert not line.startswith("|") or line in (docs / "toast-notes.md").read_text(), line
     for task, summary in pd.read_csv(studies / "results.csv").groupby("task"):
         assert "\n".join(claim_lines(summary)).replace("## ", "### ").strip() in results, task
-        experiment, _ = read(cli.compose([f"experiment={task}"]))
+        experiment, _ = read(compose([f"experiment={task}"]))
         for line in summary_page(experiment, summary, {}).splitlines():
             assert not line.startswith("|") or line in results, line
