@@ -11,7 +11,7 @@ OVERRIDES :=
 export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
 
-.PHONY: help reproduce-figures test lint types bench fuzz kill grid-search clean
+.PHONY: help reproduce-figures test lint types bench fuzz kill grammar grid-search clean
 
 help:
 	@grep -E '^## ' $(MAKEFILE_LIST) | sed 's/^## //'
@@ -55,6 +55,10 @@ fuzz: $(READY)
 ## make kill: tltl-run killed at 3 x 20 moments of its writing, with one and two workers, and started again (TLTL_KILLS=20)
 kill: $(READY)
 	TLTL_KILLS=$${TLTL_KILLS:-20} $(BIN)/python -m pytest -s tests/store/test_killed.py
+
+## make grammar: the tables of tltlrl/logic/grammar.lark, after a change of it
+grammar: $(READY)
+	$(BIN)/python -c "from tltlrl.logic.grammar import write_tables; write_tables()"
 
 ## make grid-search: coefficients of the hand-made rewards on seeds of their own, into studies/grid_search_*.csv
 grid-search: $(READY)

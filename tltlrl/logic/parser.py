@@ -2,41 +2,15 @@
 
 import re
 from functools import cache
-from pathlib import Path
 
 from lark import Lark, Token, Transformer, UnexpectedCharacters, UnexpectedInput, UnexpectedToken, v_args
 
-from tltlrl.logic import syntax
-from tltlrl.logic.errors import Source, Span, SpecError, elsewhere
+from tltlrl.logic import advice, grammar, syntax
+from tltlrl.logic.errors import Source, Span, SpecError
 from tltlrl.logic.syntax import Node
 
 # Every later pass recurses over one definition's tree at a time, so this bounds its use of Python's stack.
 MAX_DEPTH = 100
-
-_OPERATORS = {
-    "SIGNAL": "declares a signal",
-    "CONST": "declares a constant",
-    "LET": "names a derived signal",
-    "DEF": "names a sub-formula",
-    "SPEC": "begins the formula that is the spec",
-    "IN": "is part of 'all i in ...'",
-    "ALL": "is 'for all of'",
-    "ANY": "is 'for any of'",
-    "OR": "is 'or'",
-    "AND": "is 'and'",
-    "NOT": "is 'not'",
-    "UNTIL": "is the operator 'until'",
-    "RELEASE": "is the operator 'release'",
-    "WEAK": "is the operator 'weak until'",
-    "THEN": "is the operator 'then'",
-    "NEXT": "is the operator 'next'",
-    "ALWAYS": "is the operator 'always'",
-    "EVENTUALLY": "is the operator 'eventually'",
-}
-_DECLARATIONS = {name.upper(): name for name in ("signal", "const", "let", "def", "spec")}
-_ARITHMETIC = {"PLUS", "MINUS", "STAR", "SLASH", "POWER"}
-_NO_EQUALITY = "a formula has no equality, its robustness would never be positive; write abs(a - b) < tolerance"
-_LITERAL = "a constant is a number or a vector of numbers, as 0.2 or (1.5, -2); name anything else with 'let'"
 
 
 def span_of(token: Token) -> Span:
@@ -197,16 +171,8 @@ def _interval(rest: tuple[Node, ...]) -> syntax.Interval | None:
 
 
 @cache
-def _grammar() -> Lark:
-    grammar = Path(__file__).with_name("grammar.lark").read_text(encoding="utf-8")
-    return Lark(
-        grammar,
-        parser="lalr",
-        lexer="basic",
-        transformer=_TreeBuilder(),
-        keep_all_tokens=True,
-        maybe_placeholders=False,
-    )
+def _parser() -> Lark:
+    return grammar.parser(_TreeBuilder())
 
 
 def parse(source: Source) -> syntax.Document:
@@ -218,7 +184,7 @@ def parse(source: Source) -> syntax.Document:
     if code.endswith(".tltl"):
         raise SpecError(source, Span(), "this is a path; expected the text of a spec; load_spec reads one from a file")
     try:
-        document = _grammar().parse(source.text)
+        document = _parser().parse(source.text)
     except UnexpectedInput as mistake:
         raise _explain(source, mistake) from None
     assert isinstance(document, syntax.Document)
@@ -241,7 +207,7 @@ def _explain(source: Source, mistake: UnexpectedInput) -> SpecError:
     """Turn the parser's complaint into one that says what to do."""
     if isinstance(mistake, UnexpectedCharacters):
         span = Span(mistake.line, mistake.column, mistake.line, mistake.column + 1)
-        return SpecError(source, span, _unknown_character(mistake.char))
+        return SpecError(source, span, advice.unknown_character(mistake.char))
     assert isinstance(mistake, UnexpectedToken)
     token, accepts = mistake.token, set(mistake.accepts or mistake.expected)
     code = _without_comments(source.text)
@@ -251,130 +217,12 @@ def _explain(source: Source, mistake: UnexpectedInput) -> SpecError:
         return SpecError(
             source,
             Span(len(lines), end, len(lines), end + 1),
-            f"the text ends here; {_expected(token, accepts, code, '')}",
+            f"the text ends here; {advice.expected(token, accepts, code, '')}",
         )
     before, after = code[: token.start_pos], code[token.end_pos :]
-    return SpecError(source, span_of(token), f"found '{token}'; {_expected(token, accepts, before, after)}")
+    return SpecError(source, span_of(token), f"found '{token}'; {advice.expected(token, accepts, before, after)}")
 
 
 def _without_comments(text: str) -> str:
     """The text with blanks in the place of comments."""
     return re.sub(r"#[^\n]*", lambda comment: " " * len(comment[0]), text)
-
-
-def _unknown_character(char: str) -> str:
-    advice = {
-        "~": "for 'not' write !",
-        "^": "for a power write **, for 'and' write &",
-        "{": "group with ( )",
-        "}": "group with ( )",
-        ";": "a declaration ends where the next one begins: delete it",
-        '"': "names are written without quotes",
-        "'": "names are written without quotes",
-        "%": "comments begin with #",
-        "≠": _NO_EQUALITY,
-        "∞": elsewhere("inf") or "",
-        "@": "names hold letters, digits and _",
-        "$": "names hold letters, digits and _",
-    }.get(char, "see the operator table in docs/spec-language.md")
-    return f"found the character {char!r}; it has no meaning in a spec; {advice}"
-
-
-def _expected(token: Token, accepts: set[str], text: str, after: str) -> str:
-    """What could stand where `token` does, between two parts of the text, and what its writer probably meant."""
-    before = re.findall(r"\w+$|\S$|$", text.rstrip()[-100:])[0]
-    keywords = _DECLARATIONS.values()
-    within = ["", *re.findall(rf"\b(?:{'|'.join(keywords)})\b", text)][-1]
-    if token.type in {"NAME", "COLON"}:
-        for word in (str(token), before):
-            if word not in keywords and word.lower() in keywords:
-                return f"expected a declaration or a formula; did you mean '{word.lower()}'?"
-    if accepts == {"NAME"}:
-        if before == ".":
-            return "expected a component after the dot; write .x, .y or .z, or an index in brackets, as in ee[0]"
-        if token.type in _OPERATORS:
-            return (
-                f"expected a name, and '{token}' {_OPERATORS[token.type]}; "
-                f"use another name, such as '{_renamed(token)}'"
-            )
-        return "expected a name; names begin with a letter"
-    if {"LPAR", "NUMBER"} <= accepts and "NAME" not in accepts:
-        return _LITERAL
-    if accepts == {"NUMBER"} and within == "signal":
-        return "expected a dimension, a whole number; write for instance ee[2]"
-    if accepts <= {"NUMBER", "MINUS"}:
-        if token.type == "RPAR":
-            return "expected a number; a vector has two numbers or more, and one number stands without parentheses"
-        return f"expected a finite number; {_LITERAL}"
-    if "NAME" in accepts and "LPAR" in accepts:
-        if token.type in _DECLARATIONS:
-            return f"expected a formula or a number; complete what stands before '{token}'"
-        if token.type == "COMMA" or token.type == "RPAR":
-            return "expected a formula or a number before it; write one or delete what is too much"
-        if token.type in {"ALL", "ANY"}:
-            return f"expected an operand; put parentheses around it: ({token} i in ...: ...)"
-        if token.type == "LSQB" and before in {"X", "T", "W", "○", "◯"}:
-            return "this operator takes no interval; delete it (X[!] is the strong next)"
-        if token.type in {"LESS", "GREATER"} and before in {"<", ">"}:
-            return "expected a number or a name; a comparison is <, <=, > or >="
-        return "expected a formula or a number; write an operand here"
-    if token.type == "ASSIGN":
-        if "COLON" in accepts:
-            return "expected ':'; a sub-formula is named by 'def name: formula', a number by 'let name = expression'"
-        return _NO_EQUALITY
-    if token.type == "NOT" and after.startswith("="):
-        return _NO_EQUALITY
-    if token.type == "COLON" and "ASSIGN" in accepts:
-        return "expected '='; a number is named by 'let name = expression', a formula by 'def name: formula'"
-    if accepts & {"NUMBER", "NAME"} and not accepts & {"LPAR"}:
-        return "expected a label or a number; write for instance [r] or [2]"
-    missing = [
-        (name, mark)
-        for name, mark in {
-            "RPAR": ")",
-            "RSQB": "]",
-            "COMMA": ",",
-            "COLON": ":",
-            "ASSIGN": "=",
-            "IN": "in",
-        }.items()
-        if name in accepts
-    ]
-    if token.type == "$END" and missing:
-        return f"expected '{missing[0][1]}'; close what is open"
-    if "AND" in accepts:
-        marks = "".join(f" or '{mark}'" for name, mark in missing if name in {"RPAR", "COMMA"})
-        if token.type in {"LESS", "GREATER"}:
-            return f"expected a logical operator{marks}; a comparison has numbers on both sides, group with ( )"
-        if token.type in {"NAME", "NUMBER", "LPAR", "NOT"} or token.type in _OPERATORS:
-            if advice := (token.type == "NAME" and elsewhere(str(token))) or elsewhere(before):
-                return f"expected an operator{marks}; {advice}"
-            if token.type in _DECLARATIONS and missing:
-                return f"expected '{missing[0][1]}'; close what is open before the next declaration"
-            return f"expected an operator{marks}; join the two parts, for instance with & or |"
-        if token.type in {*_ARITHMETIC, "DOT"}:
-            return f"expected a logical operator{marks}; arithmetic works on numbers only"
-        return f"expected an operator{marks} or the end; delete it or close what was opened"
-    if token.type == "RPAR" and accepts == {"COMMA"}:
-        return "expected ','; a vector has two numbers or more, and one number stands without parentheses"
-    if missing:
-        return f"expected {' or '.join(repr(mark) for _, mark in missing)}; write it here"
-    if "SPEC" in accepts and within == "const" and token.type in {*_ARITHMETIC, "COMMA"}:
-        return f"expected the next declaration; {_LITERAL}"
-    if "SPEC" in accepts and token.type == "COMMA":
-        return f"expected the next declaration; each name has one of its own: write '{within}' in place of the comma"
-    if "SPEC" in accepts:
-        return (
-            "expected a declaration (signal, const, let, def) or the formula, 'spec: ...'; "
-            "add the line that begins with 'spec:'"
-        )
-    if token.type == "SPEC":
-        return "expected the end of the text; a spec has one formula: join the two with &"
-    if token.type in {"RPAR", "RSQB"}:
-        return "expected an operator or the end; nothing is open here: delete it"
-    return "expected an operator or the end; delete it or join the two parts with an operator"
-
-
-def _renamed(token: Token) -> str:
-    word = str(token).strip()
-    return f"{word.lower()}_" if word.isidentifier() else "p"

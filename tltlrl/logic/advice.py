@@ -1,0 +1,262 @@
+"""What the writer of a spec probably meant, where the parser stops: an ordered table of condition and advice."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from lark import Token
+
+from tltlrl.logic.errors import elsewhere
+
+OPERATORS = {
+    "SIGNAL": "declares a signal",
+    "CONST": "declares a constant",
+    "LET": "names a derived signal",
+    "DEF": "names a sub-formula",
+    "SPEC": "begins the formula that is the spec",
+    "IN": "is part of 'all i in ...'",
+    "ALL": "is 'for all of'",
+    "ANY": "is 'for any of'",
+    "OR": "is 'or'",
+    "AND": "is 'and'",
+    "NOT": "is 'not'",
+    "UNTIL": "is the operator 'until'",
+    "RELEASE": "is the operator 'release'",
+    "WEAK": "is the operator 'weak until'",
+    "THEN": "is the operator 'then'",
+    "NEXT": "is the operator 'next'",
+    "ALWAYS": "is the operator 'always'",
+    "EVENTUALLY": "is the operator 'eventually'",
+}
+DECLARATIONS = {name.upper(): name for name in ("signal", "const", "let", "def", "spec")}
+ARITHMETIC = {"PLUS", "MINUS", "STAR", "SLASH", "POWER"}
+NO_EQUALITY = "a formula has no equality, its robustness would never be positive; write abs(a - b) < tolerance"
+LITERAL = "a constant is a number or a vector of numbers, as 0.2 or (1.5, -2); name anything else with 'let'"
+MARKS = {"RPAR": ")", "RSQB": "]", "COMMA": ",", "COLON": ":", "ASSIGN": "=", "IN": "in"}
+
+
+@dataclass(frozen=True)
+class Stop:
+    """Where the parser stops.
+
+    Attributes:
+      token: the one that cannot stand there; of type $END at the end of the text.
+      accepts: types of the tokens that can.
+      before: the word or sign before it, "" at the start.
+      after: the text after it.
+      within: the keyword of the declaration that it stands in, "" if there is none.
+    """
+
+    token: Token
+    accepts: frozenset[str]
+    before: str
+    after: str
+    within: str
+
+    @property
+    def kind(self) -> str:
+        """The token's type."""
+        return self.token.type
+
+    @property
+    def missing(self) -> list[str]:
+        """Marks that can stand here, the most likely first."""
+        return [mark for name, mark in MARKS.items() if name in self.accepts]
+
+    @property
+    def marks(self) -> str:
+        """Those that could close what is open, as alternatives to an operator."""
+        return "".join(f" or '{mark}'" for mark in (")", ",") if mark in self.missing)
+
+    @property
+    def meant(self) -> str | None:
+        """The declaration that one of the words here is a capital spelling of."""
+        keywords = DECLARATIONS.values()
+        words = (str(self.token), self.before) if self.kind in {"NAME", "COLON"} else ()
+        return next((w.lower() for w in words if w not in keywords and w.lower() in keywords), None)
+
+    @property
+    def foreign(self) -> str | None:
+        """Advice for a word of another language, here or before."""
+        return (self.kind == "NAME" and elsewhere(str(self.token))) or elsewhere(self.before)
+
+    @property
+    def name_wanted(self) -> bool:
+        """Whether nothing but a name can stand here."""
+        return self.accepts == {"NAME"}
+
+    @property
+    def number_wanted(self) -> bool:
+        """Whether nothing but a number can stand here."""
+        return self.accepts <= {"NUMBER", "MINUS"}
+
+    @property
+    def operand_wanted(self) -> bool:
+        """Whether a formula or an expression begins here."""
+        return {"NAME", "LPAR"} <= self.accepts
+
+    @property
+    def operator_wanted(self) -> bool:
+        """Whether a formula has just ended."""
+        return "AND" in self.accepts
+
+    @property
+    def operand_found(self) -> bool:
+        """Whether an operand, or what begins one, stands where an operator is wanted."""
+        return self.operator_wanted and (self.kind in {"NAME", "NUMBER", "LPAR", "NOT"} or self.kind in OPERATORS)
+
+    @property
+    def declaration_wanted(self) -> bool:
+        """Whether a declaration has just ended."""
+        return "SPEC" in self.accepts
+
+
+Condition = Callable[[Stop], bool]
+Advice = Callable[[Stop], str]
+
+# The first row whose condition holds gives the advice; a test reaches every row.
+TABLE: tuple[tuple[Condition, Advice], ...] = (
+    (lambda s: s.meant is not None, lambda s: f"expected a declaration or a formula; did you mean '{s.meant}'?"),
+    (
+        lambda s: s.name_wanted and s.before == ".",
+        lambda _: "expected a component after the dot; write .x, .y or .z, or an index in brackets, as in ee[0]",
+    ),
+    (
+        lambda s: s.name_wanted and s.kind in OPERATORS,
+        lambda s: (
+            f"expected a name, and '{s.token}' {OPERATORS[s.kind]}; use another name, such as '{_renamed(s.token)}'"
+        ),
+    ),
+    (lambda s: s.name_wanted, lambda _: "expected a name; names begin with a letter"),
+    (lambda s: {"LPAR", "NUMBER"} <= s.accepts and "NAME" not in s.accepts, lambda _: LITERAL),
+    (
+        lambda s: s.accepts == {"NUMBER"} and s.within == "signal",
+        lambda _: "expected a dimension, a whole number; write for instance ee[2]",
+    ),
+    (
+        lambda s: s.number_wanted and s.kind == "RPAR",
+        lambda _: "expected a number; a vector has two numbers or more, and one number stands without parentheses",
+    ),
+    (lambda s: s.number_wanted, lambda _: f"expected a finite number; {LITERAL}"),
+    (
+        lambda s: s.operand_wanted and s.kind in DECLARATIONS,
+        lambda s: f"expected a formula or a number; complete what stands before '{s.token}'",
+    ),
+    (
+        lambda s: s.operand_wanted and s.kind in {"COMMA", "RPAR"},
+        lambda _: "expected a formula or a number before it; write one or delete what is too much",
+    ),
+    (
+        lambda s: s.operand_wanted and s.kind in {"ALL", "ANY"},
+        lambda s: f"expected an operand; put parentheses around it: ({s.token} i in ...: ...)",
+    ),
+    (
+        lambda s: s.operand_wanted and s.kind == "LSQB" and s.before in {"X", "T", "W", "○", "◯"},
+        lambda _: "this operator takes no interval; delete it (X[!] is the strong next)",
+    ),
+    (
+        lambda s: s.operand_wanted and s.kind in {"LESS", "GREATER"} and s.before in {"<", ">"},
+        lambda _: "expected a number or a name; a comparison is <, <=, > or >=",
+    ),
+    (lambda s: s.operand_wanted, lambda _: "expected a formula or a number; write an operand here"),
+    (
+        lambda s: s.kind == "ASSIGN" and "COLON" in s.accepts,
+        lambda _: "expected ':'; a sub-formula is named by 'def name: formula', a number by 'let name = expression'",
+    ),
+    (lambda s: s.kind == "ASSIGN" or (s.kind == "NOT" and s.after.startswith("=")), lambda _: NO_EQUALITY),
+    (
+        lambda s: s.kind == "COLON" and "ASSIGN" in s.accepts,
+        lambda _: "expected '='; a number is named by 'let name = expression', a formula by 'def name: formula'",
+    ),
+    (
+        lambda s: bool(s.accepts & {"NUMBER", "NAME"}) and "LPAR" not in s.accepts,
+        lambda _: "expected a label or a number; write for instance [r] or [2]",
+    ),
+    (lambda s: s.kind == "$END" and bool(s.missing), lambda s: f"expected '{s.missing[0]}'; close what is open"),
+    (
+        lambda s: s.operand_found and s.foreign is not None,
+        lambda s: f"expected an operator{s.marks}; {s.foreign}",
+    ),
+    (
+        lambda s: s.operand_found,
+        lambda s: f"expected an operator{s.marks}; join the two parts, for instance with & or |",
+    ),
+    (
+        lambda s: s.operator_wanted,
+        lambda s: f"expected an operator{s.marks} or the end; delete it or close what was opened",
+    ),
+    (
+        lambda s: s.kind == "RPAR" and s.accepts == {"COMMA"},
+        lambda _: "expected ','; a vector has two numbers or more, and one number stands without parentheses",
+    ),
+    (lambda s: bool(s.missing), lambda s: f"expected {' or '.join(map(repr, s.missing))}; write it here"),
+    (
+        lambda s: s.declaration_wanted and s.within == "const" and s.kind in {*ARITHMETIC, "COMMA"},
+        lambda _: f"expected the next declaration; {LITERAL}",
+    ),
+    (
+        lambda s: s.declaration_wanted and s.kind == "COMMA",
+        lambda s: (
+            f"expected the next declaration; each name has one of its own: write '{s.within}' in place of the comma"
+        ),
+    ),
+    (
+        lambda s: s.declaration_wanted,
+        lambda _: (
+            "expected a declaration (signal, const, let, def) or the formula, 'spec: ...'; "
+            "add the line that begins with 'spec:'"
+        ),
+    ),
+    (
+        lambda s: s.kind == "SPEC",
+        lambda _: "expected the end of the text; a spec has one formula: join the two with &",
+    ),
+    (
+        lambda s: s.kind in {"RPAR", "RSQB"},
+        lambda _: "expected an operator or the end; nothing is open here: delete it",
+    ),
+    (
+        lambda _: True,
+        lambda _: "expected an operator or the end; delete it or join the two parts with an operator",
+    ),
+)
+
+
+def expected(token: Token, accepts: set[str], text: str, after: str) -> str:
+    """What could stand where `token` does, and what to do.
+
+    Args:
+      token: where the parser stops.
+      accepts: types of the tokens that can stand there.
+      text, after: of the spec before and after the token, without comments.
+    """
+    before = re.findall(r"\w+$|\S$|$", text.rstrip()[-100:])[0]
+    within = ["", *re.findall(rf"\b(?:{'|'.join(DECLARATIONS.values())})\b", text)][-1]
+    stop = Stop(token, frozenset(accepts), before, after, within)
+    return next(advice(stop) for condition, advice in TABLE if condition(stop))
+
+
+def unknown_character(char: str) -> str:
+    """What to do about a character that has no meaning in a spec."""
+    advice = {
+        "~": "for 'not' write !",
+        "^": "for a power write **, for 'and' write &",
+        "{": "group with ( )",
+        "}": "group with ( )",
+        ";": "a declaration ends where the next one begins: delete it",
+        '"': "names are written without quotes",
+        "'": "names are written without quotes",
+        "%": "comments begin with #",
+        "≠": NO_EQUALITY,
+        "∞": elsewhere("inf") or "",
+        "@": "names hold letters, digits and _",
+        "$": "names hold letters, digits and _",
+    }.get(char, "see the operator table in docs/spec-language.md")
+    return f"found the character {char!r}; it has no meaning in a spec; {advice}"
+
+
+def _renamed(token: Token) -> str:
+    word = str(token).strip()
+    return f"{word.lower()}_" if word.isidentifier() else "p"

@@ -1,0 +1,55 @@
+"""The parser of grammar.lark, from the tables that are kept in tables.py: building them takes longer than parsing.
+
+`make grammar` writes tables.py anew; a change of grammar.lark calls for it, and a test says so.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Any
+
+import lark
+from lark import Lark, Token, Transformer
+
+from tltlrl.logic import tables
+
+GRAMMAR = Path(__file__).with_name("grammar.lark")
+OPTIONS: dict[str, Any] = {"parser": "lalr", "lexer": "basic", "keep_all_tokens": True, "maybe_placeholders": False}
+
+
+def parser(builder: Transformer[Token, object]) -> Lark:
+    """The parser; with another version of lark than that of the tables it is built from the grammar.
+
+    Args:
+      builder: its methods make the syntax tree, one per rule.
+    """
+    if lark.__version__ == tables.LARK:
+        kept: Lark = Lark._load_from_dict(tables.DATA, tables.MEMO, transformer=builder)  # type: ignore[no-untyped-call]
+        return kept
+    return built(builder)
+
+
+def built(builder: Transformer[Token, object] | None = None) -> Lark:
+    """The parser from the grammar itself."""
+    return Lark(GRAMMAR.read_text(encoding="utf-8"), transformer=builder, **OPTIONS)
+
+
+def digest() -> str:
+    """SHA-256 of the grammar, by which tables are known to be of it."""
+    return hashlib.sha256(GRAMMAR.read_bytes()).hexdigest()
+
+
+def write_tables() -> None:
+    """Writes tables.py: plain literals, so that nothing has to be unpickled."""
+    from lark.grammar import Rule
+    from lark.lexer import TerminalDef
+
+    data, memo = built().memo_serialize([TerminalDef, Rule])
+    GRAMMAR.with_name("tables.py").write_text(
+        '"""Tables of grammar.lark; written by `make grammar`, not by hand."""\n\n'
+        "from typing import Any\n\n"
+        f'LARK = "{lark.__version__}"\nDIGEST = "{digest()}"\n'
+        f"DATA: dict[str, Any] = {data!r}\nMEMO: dict[int, Any] = {memo!r}\n",
+        encoding="utf-8",
+    )
