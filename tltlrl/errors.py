@@ -6,18 +6,21 @@ import traceback
 from collections.abc import Iterable
 from difflib import get_close_matches
 
+MOST_NAMES = 30  # that a message lists
+
 
 class UserError(ValueError):
     """A wrong config, spec, trace or folder: the message says where, what, and what to do."""
 
 
-def nearest(name: str, valid: Iterable[str]) -> str:
-    """'; did you mean ...?' with the closest valid name, or the list of all if none is close, or nothing."""
-    valid = sorted(valid)
-    if not valid:
+def nearest(name: object, valid: Iterable[object]) -> str:
+    """'; did you mean ...?' with the closest valid name, or '; there are: ...' if none is close, or nothing at all."""
+    names = sorted(map(str, valid))
+    if not names:
         return ""
-    close = get_close_matches(name, valid, n=1, cutoff=0.5)
-    return f"; did you mean {close[0]}?" if close else f"; there are: {', '.join(valid)}"
+    if close := get_close_matches(str(name), names, n=1, cutoff=0.6):
+        return f"; did you mean {close[0]}?"
+    return f"; there are: {', '.join(names[:MOST_NAMES])}{', ...' if len(names) > MOST_NAMES else ''}"
 
 
 def module_of(error: Exception) -> str:

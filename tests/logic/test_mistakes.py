@@ -68,7 +68,7 @@ HUGE = 10**5000
         ({"x": np.array([[1]], dtype="timedelta64[s]")}, None, "no array of numbers"),
         ({"x": np.ma.masked_greater([[1.0, 9.0]], 5)}, None, "holds masked numbers"),
         ({"x": [np.ma.masked_greater([1.0, 9.0], 5)]}, None, "holds masked numbers"),
-        ({0: [[1.0]]}, None, "known: 0"),
+        ({0: [[1.0]]}, None, "there are: 0"),
         ({"x": np.empty((0, 3))}, [2], r"lengths has shape \(1,\)"),
     ],
 )

@@ -64,7 +64,7 @@ def check(
 ) -> int:
     """Check a spec and, if given, a trace; print to `out` (stdout). Returns the exit code 0 or 1 (see EXIT_CODES).
 
-    Raises SpecError, TraceError, and UserError for files that cannot be read or written.
+    Raises UserError for a spec, a trace or a file that has to be mended.
     """
     out = out or sys.stdout
     if plot is not None:

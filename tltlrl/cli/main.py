@@ -92,10 +92,4 @@ def mistakes_told(name: str, command: Callable[[], int]) -> int:
             "what is done is kept",
             file=sys.stderr,
         )
-    except Exception as error:
-        from tltlrl.logic import SpecError, TraceError
-
-        if not isinstance(error, SpecError | TraceError):
-            raise
-        print(f"{name}: {error}", file=sys.stderr)
     return 2

@@ -34,7 +34,6 @@ from tltlrl.errors import UserError
 from tltlrl.experiments.engine import check_scheduler
 from tltlrl.experiments.experiment import run_experiment
 from tltlrl.experiments.folder import empty, read_record, working_in
-from tltlrl.logic import SpecError
 from tltlrl.store.files import digest, write_bytes, write_text
 from tltlrl.store.layout import JOURNAL, LOG, SEARCH, SUMMARY, SUMMARY_PAGE, TRIALS
 from tltlrl.training.study import Study
@@ -237,7 +236,7 @@ def _begin(search: Search, earlier: Sequence[FrozenTrial], number: int) -> Froze
     state, attributes = TrialState.RUNNING, {}
     try:
         search.candidate(number, parameters)
-    except (UserError, SpecError) as error:
+    except UserError as error:
         state, attributes = TrialState.FAIL, {"message": str(error)}
         _say(f"trial {number}: {describe(parameters)} FAILED: {error}")
     return create_trial(state=state, params=dict(parameters), distributions=search.distributions, user_attrs=attributes)
@@ -302,7 +301,7 @@ def _check_space(search: Search) -> None:
         for value in choices or (distribution.low, distribution.high):  # type: ignore[attr-defined]
             try:
                 read(search.configure({key: value}))
-            except (UserError, SpecError) as error:
+            except UserError as error:
                 errors.append(error)
         if errors and (choices or len(errors) == 2):
             raise errors[0]

@@ -118,7 +118,7 @@ Advice = Callable[[Stop], str]
 
 # The first row whose condition holds gives the advice; a test reaches every row.
 TABLE: tuple[tuple[Condition, Advice], ...] = (
-    (lambda s: s.meant is not None, lambda s: f"expected a declaration or a formula; did you mean '{s.meant}'?"),
+    (lambda s: s.meant is not None, lambda s: f"expected a declaration or a formula; did you mean {s.meant}?"),
     (
         lambda s: s.name_wanted and s.before == ".",
         lambda _: "expected a component after the dot; write .x, .y or .z, or an index in brackets, as in ee[0]",

@@ -9,8 +9,9 @@ from typing import TypeGuard
 
 import numpy as np
 
+from tltlrl.errors import nearest
 from tltlrl.logic import syntax
-from tltlrl.logic.errors import Source, Span, SpecError, did_you_mean, elsewhere
+from tltlrl.logic.errors import Source, Span, SpecError, elsewhere
 from tltlrl.logic.syntax import Node
 
 Value = float | tuple[float, ...]
@@ -184,7 +185,7 @@ def _effective_constants(
                 source,
                 span,
                 f"an override gives the constant '{name}', which this spec lacks; expected one of "
-                f"its own; {did_you_mean(name, names)}",
+                f"its own{nearest(name, names) or '; there are none'}",
             )
     for name, given in overrides.items():
         d = next(d for d in own if d.name == name)
@@ -202,8 +203,8 @@ def _effective_constants(
                     raise SpecError(
                         source,
                         d.span,
-                        f"an override gives '{name}[{label}]', which this spec lacks; expected one of its own; "
-                        f"{did_you_mean(str(label), families[name])}",
+                        f"an override gives '{name}[{label}]', which this spec lacks; expected one of its own"
+                        f"{nearest(label, families[name])}",
                     )
     constants: dict[str, Value | dict[str, Value]] = {}
     for d in own:

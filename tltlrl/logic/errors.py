@@ -1,8 +1,8 @@
 """Errors that point: where in which file, what was found, what was expected, what to do."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass
-from difflib import get_close_matches
+
+from tltlrl.errors import UserError
 
 # A source line longer than this is shown as a window around the caret.
 SHOWN_WIDTH = 120
@@ -50,8 +50,8 @@ class Source:
         )
 
 
-class _PointingError(ValueError):
-    """A ValueError whose text is `Source.message`."""
+class _PointingError(UserError):
+    """A UserError whose text is `Source.message`."""
 
     def __init__(self, source: Source, span: Span, problem: str) -> None:
         super().__init__(source, span, problem)
@@ -95,14 +95,3 @@ def elsewhere(word: str) -> str | None:
     if word in {"inf", "infinity"}:
         return "there is no infinity: for a window without an end leave the interval out, as in G (x < 1)"
     return None
-
-
-def did_you_mean(name: object, known: Iterable[object]) -> str:
-    """Advice that ends a message about an unknown name: the nearest known name, else all of them."""
-    names = list(map(str, known))
-    near = get_close_matches(str(name), names, n=1, cutoff=0.6)
-    if near:
-        return f"did you mean '{near[0]}'?"
-    if not names:
-        return "there are none"
-    return "known: " + ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")

@@ -183,10 +183,13 @@ def parse(source: Source) -> syntax.Document:
         raise SpecError(source, Span(), f"{found}; a spec needs a formula; write one, such as G (x < 1)")
     if code.endswith(".tltl"):
         raise SpecError(source, Span(), "this is a path; expected the text of a spec; load_spec reads one from a file")
+    document = None
     try:
         document = _parser().parse(source.text)
     except UnexpectedInput as mistake:
-        raise _explain(source, mistake) from None
+        error = _explain(source, mistake)
+    if document is None:
+        raise error  # out here it has no context: lark's own error holds a parser, which cannot go to another process
     assert isinstance(document, syntax.Document)
     for tree in (
         *(d.body for d in document.declarations if isinstance(d, syntax.Definition)),

@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
+from tltlrl.errors import nearest
 from tltlrl.logic import syntax
 from tltlrl.logic.declarations import FUNCTIONS, Declarations, Value, check_binding, declare
-from tltlrl.logic.errors import Source, Span, SpecError, did_you_mean, elsewhere
+from tltlrl.logic.errors import Source, Span, SpecError, elsewhere
 from tltlrl.logic.graph import Graph
 from tltlrl.logic.shortcut import at_start
 from tltlrl.logic.syntax import Node
@@ -20,7 +21,7 @@ _ARITHMETIC = {"+": "add", "-": "subtract", "*": "multiply", "/": "divide", "**"
 
 
 @dataclass(frozen=True, slots=True)
-class Quantity:
+class Expression:
     """A number (dimension None) or a vector, as one graph node per component."""
 
     components: tuple[int, ...]
@@ -98,7 +99,7 @@ class _Resolver:
         self.source = source
         self.declared = declared
         self.graph = Graph()
-        self.results: dict[tuple[str, str | None], Quantity | Truth] = {}
+        self.results: dict[tuple[str, str | None], Expression | Truth] = {}
         self.places: dict[int, Predicate] = {}
         self.regions: list[Region] = []
         self.distances: dict[int, tuple[Node, tuple[float, ...]]] = {}  # of a point from a fixed one
@@ -183,19 +184,19 @@ class _Resolver:
             self.results[d.name, label] = truth if truth.name else replace(truth, name=self.within)
             self.within = None
 
-    def _signal(self, name: str) -> Quantity:
+    def _signal(self, name: str) -> Expression:
         dimension = self.declared.signals[name]
         parts = [None] if dimension is None else range(dimension)
-        return Quantity(tuple(self.graph.add("signal", data=(name, part)) for part in parts), dimension)
+        return Expression(tuple(self.graph.add("signal", data=(name, part)) for part in parts), dimension)
 
-    def _number(self, value: Value) -> Quantity:
+    def _number(self, value: Value) -> Expression:
         if isinstance(value, tuple):
-            return Quantity(tuple(self.graph.add("constant", data=(v,)) for v in value), len(value))
-        return Quantity((self.graph.add("constant", data=(value,)),))
+            return Expression(tuple(self.graph.add("constant", data=(v,)) for v in value), len(value))
+        return Expression((self.graph.add("constant", data=(value,)),))
 
     # Names
 
-    def _name(self, node: syntax.Name, scope: Mapping[str, str]) -> Quantity | Truth:
+    def _name(self, node: syntax.Name, scope: Mapping[str, str]) -> Expression | Truth:
         if node.name in self.declared.families:
             labels = self.declared.families[node.name]
             raise self.error(
@@ -213,20 +214,20 @@ class _Resolver:
             )
         if node.name in FUNCTIONS:
             raise self.error(node, f"'{node.name}' is a function; expected its arguments; write {node.name}(...)")
-        near = did_you_mean(node.name, [*self.declared.names, *FUNCTIONS])
+        near = nearest(node.name, [*self.declared.names, *FUNCTIONS]).removeprefix("; ")
         declare = near if near.startswith("did") else f"declare it, for instance with 'signal {node.name}'"
         advice = elsewhere(node.name) or declare
         raise self.error(node, f"unknown name '{node.name}'; expected a declared one; {advice}")
 
-    def _index(self, node: syntax.Index, scope: Mapping[str, str]) -> Quantity | Truth:
+    def _index(self, node: syntax.Index, scope: Mapping[str, str]) -> Expression | Truth:
         base, label = node.base, scope.get(node.label, node.label)
         if isinstance(base, syntax.Name) and base.name in self.declared.families:
             labels = self.declared.families[base.name]
             if label not in labels:
                 raise self.error(
                     node,
-                    f"'{base.name}' has no member '{label}'; expected one of {', '.join(labels)}; "
-                    f"{did_you_mean(label, labels)}",
+                    f"'{base.name}' has no member '{label}'; expected one of {', '.join(labels)}"
+                    f"{nearest(label, labels)}",
                 )
             return self.results[base.name, label]
         vector = self.vector(base, scope, f"only a vector or a family has a member [{label}]")
@@ -236,9 +237,9 @@ class _Resolver:
                 node,
                 f"'{base}' has no component [{label}]; expected 0 to {len(components) - 1}; correct the index",
             )
-        return Quantity((components[label],))
+        return Expression((components[label],))
 
-    def _component(self, node: syntax.Component, scope: Mapping[str, str]) -> Quantity:
+    def _component(self, node: syntax.Component, scope: Mapping[str, str]) -> Expression:
         advice = f"only a vector has a component .{node.axis}"
         vector = self.vector(node.base, scope, advice)
         axes = "xyz"[: len(vector.components)]
@@ -248,11 +249,11 @@ class _Resolver:
                 f"'{node.base}' has no component .{node.axis}; expected one of "
                 f"{', '.join(f'.{a}' for a in axes)}; correct it or write an index, as in [0]",
             )
-        return Quantity((vector.components[axes.index(node.axis)],))
+        return Expression((vector.components[axes.index(node.axis)],))
 
     # Numbers
 
-    def evaluate(self, node: Node, scope: Mapping[str, str]) -> Quantity | Truth:
+    def evaluate(self, node: Node, scope: Mapping[str, str]) -> Expression | Truth:
         """The meaning of a tree that may be a number or a formula."""
         match node:
             case syntax.Name():
@@ -266,10 +267,10 @@ class _Resolver:
                     raise self.error(node, "this number is too large for a float; expected a finite one; write one")
                 return self._number(value)
             case syntax.Vector(items):
-                return Quantity(tuple(self.scalar(item, scope) for item in items), len(items))
+                return Expression(tuple(self.scalar(item, scope) for item in items), len(items))
             case syntax.Negative(a):
                 q = self.quantity(a, scope)
-                return Quantity(tuple(self.graph.add("negative", c) for c in q.components), q.dimension)
+                return Expression(tuple(self.graph.add("negative", c) for c in q.components), q.dimension)
             case syntax.Arithmetic():
                 return self._arithmetic(node, scope)
             case syntax.Call():
@@ -277,7 +278,7 @@ class _Resolver:
             case _:
                 return self._formula(node, scope)
 
-    def quantity(self, node: Node, scope: Mapping[str, str]) -> Quantity:
+    def quantity(self, node: Node, scope: Mapping[str, str]) -> Expression:
         result = self.evaluate(node, scope)
         if isinstance(result, Truth):
             raise self.error(node, "found a formula; expected a number; only numbers are compared and computed with")
@@ -293,7 +294,7 @@ class _Resolver:
             )
         return result.components[0]
 
-    def vector(self, node: Node, scope: Mapping[str, str], reason: str) -> Quantity:
+    def vector(self, node: Node, scope: Mapping[str, str], reason: str) -> Expression:
         result = self.quantity(node, scope)
         if result.dimension is None:
             advice = (
@@ -304,7 +305,7 @@ class _Resolver:
             raise self.error(node, f"found a scalar; expected a vector: {reason}; {advice}")
         return result
 
-    def same(self, nodes: tuple[Node, ...], scope: Mapping[str, str], what: str) -> list[Quantity]:
+    def same(self, nodes: tuple[Node, ...], scope: Mapping[str, str], what: str) -> list[Expression]:
         """The values of several trees that must agree in dimension."""
         values = [self.quantity(node, scope) for node in nodes]
         for node, value in zip(nodes[1:], values[1:], strict=True):
@@ -324,7 +325,7 @@ class _Resolver:
         self.places.setdefault(number, Predicate(str(node), node.span))
         return number
 
-    def _arithmetic(self, node: syntax.Arithmetic, scope: Mapping[str, str]) -> Quantity:
+    def _arithmetic(self, node: syntax.Arithmetic, scope: Mapping[str, str]) -> Expression:
         name = _ARITHMETIC[node.operator]
         if node.operator in "+-":
             left, right = self.same((node.left, node.right), scope, "add and subtract like to like")
@@ -345,13 +346,13 @@ class _Resolver:
         dimension = left.dimension if left.dimension is not None else right.dimension
         lefts = left.components * (dimension or 1) if left.dimension is None else left.components
         rights = right.components * (dimension or 1) if right.dimension is None else right.components
-        return Quantity(tuple(self.fold(node, name, a, b) for a, b in zip(lefts, rights, strict=True)), dimension)
+        return Expression(tuple(self.fold(node, name, a, b) for a, b in zip(lefts, rights, strict=True)), dimension)
 
-    def _call(self, node: syntax.Call, scope: Mapping[str, str]) -> Quantity | Truth:
+    def _call(self, node: syntax.Call, scope: Mapping[str, str]) -> Expression | Truth:
         name, arguments = node.function, node.arguments
         if name not in FUNCTIONS:
             what = "is no function" if name in self.declared.names else "unknown function"
-            near = did_you_mean(name, FUNCTIONS)
+            near = nearest(name, FUNCTIONS).removeprefix("; ")
             advice = elsewhere(name) or (near if near.startswith("did") else "write it with these")
             raise self.error(node, f"{what}: '{name}'; expected one of {', '.join(FUNCTIONS)}; {advice}")
         fewest, most = FUNCTIONS[name]
@@ -367,17 +368,17 @@ class _Resolver:
                 return self._region(node, scope)
             case "norm":
                 vector = self.vector(arguments[0], scope, "a norm is taken of a vector, of a scalar use abs(...)")
-                return Quantity((self.fold(node, "norm", *vector.components),))
+                return Expression((self.fold(node, "norm", *vector.components),))
             case "distance":
-                return Quantity((self._distance(node, scope, arguments),))
+                return Expression((self._distance(node, scope, arguments),))
             case "min" | "max":
                 op = name + "imum"
                 if len(arguments) > 1:
-                    return Quantity((self.fold(node, op, *(self.scalar(a, scope) for a in arguments)),))
+                    return Expression((self.fold(node, op, *(self.scalar(a, scope) for a in arguments)),))
                 vector = self.vector(arguments[0], scope, f"{name} takes several scalars or one vector")
-                return Quantity((self.fold(node, op, *vector.components),))
+                return Expression((self.fold(node, op, *vector.components),))
             case _:
-                return Quantity((self.fold(node, _ONE_SCALAR[name], self.scalar(arguments[0], scope)),))
+                return Expression((self.fold(node, _ONE_SCALAR[name], self.scalar(arguments[0], scope)),))
 
     def _distance(self, node: Node, scope: Mapping[str, str], points: tuple[Node, ...]) -> int:
         a, b = self.same(points, scope, "a distance is between points of one space")
@@ -390,10 +391,10 @@ class _Resolver:
 
     # Regions
 
-    def _is_fixed(self, value: Quantity) -> bool:
+    def _is_fixed(self, value: Expression) -> bool:
         return all(self.graph.ops[c].name == "constant" for c in value.components)
 
-    def _fixed(self, node: Node, value: Quantity, what: str = "region") -> tuple[float, ...]:
+    def _fixed(self, node: Node, value: Expression, what: str = "region") -> tuple[float, ...]:
         """The numbers of a quantity that holds no signal."""
         if not self._is_fixed(value):
             raise self.error(
@@ -409,7 +410,7 @@ class _Resolver:
             centre_node, radius_node = rest
             values = self.same((point, centre_node), scope, "a ball and its points lie in one space")
             centre = self._fixed(centre_node, values[1])
-            radius = Quantity((self.scalar(radius_node, scope),))
+            radius = Expression((self.scalar(radius_node, scope),))
             (size,) = self._fixed(radius_node, radius)
             if size <= 0:
                 raise self.error(radius_node, f"the radius is {size:g}; expected a positive number; correct it")
@@ -443,7 +444,7 @@ class _Resolver:
 
     def truth(self, node: Node, scope: Mapping[str, str]) -> Truth:
         result = self.evaluate(node, scope)
-        if isinstance(result, Quantity):
+        if isinstance(result, Expression):
             raise self.error(node, f"found {_shape(result)}; expected a formula; compare it, as in {node} < 1")
         return result
 
@@ -551,7 +552,7 @@ class _Resolver:
         return lower, upper
 
     def _bound(self, node: Node, scope: Mapping[str, str]) -> int:
-        (value,) = self._fixed(node, Quantity((self.scalar(node, scope),)), "bound")
+        (value,) = self._fixed(node, Expression((self.scalar(node, scope),)), "bound")
         if value < 0 or not value.is_integer():
             raise self.error(
                 node,
@@ -570,5 +571,5 @@ def _title(name: str, label: str | None) -> str:
     return name if label is None else f"{name}[{label}]"
 
 
-def _shape(value: Quantity) -> str:
+def _shape(value: Expression) -> str:
     return "a scalar" if value.dimension is None else f"a vector of {value.dimension}"

@@ -9,8 +9,9 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tltlrl.errors import nearest
 from tltlrl.logic.declarations import Value
-from tltlrl.logic.errors import Source, Span, SpecError, TraceError, did_you_mean
+from tltlrl.logic.errors import Source, Span, SpecError, TraceError
 from tltlrl.logic.explain import Explanation, explain
 from tltlrl.logic.graph import Array
 from tltlrl.logic.parser import parse
@@ -239,7 +240,8 @@ class _Batch:
     def _array(self, name: str, signals: Mapping[str, ArrayLike]) -> Array:
         if name not in signals:
             raise self.error(
-                name, f"the trajectories have no signal '{name}'; expected one; {did_you_mean(name, signals)}"
+                name,
+                f"the trajectories have no signal '{name}'; expected one{nearest(name, signals) or '; there are none'}",
             )
         dimension = self.meaning.signals[name]
         expected = "(N, T)" if dimension is None else f"(N, T, {dimension})"
