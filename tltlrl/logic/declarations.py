@@ -51,7 +51,11 @@ class Declarations:
 
 
 def declare(source: Source, document: syntax.Document, overrides: Mapping[str, object] | None) -> Declarations:
-    """Read the declarations and override constants. Raises SpecError."""
+    """Read the declarations and override constants.
+
+    Raises:
+      SpecError: at the first one that is wrong.
+    """
     names, labels = _names(source, document)
     families = {name: tuple(found) for name, found in labels.items()}
     for d in document.declarations:
@@ -69,7 +73,11 @@ def declare(source: Source, document: syntax.Document, overrides: Mapping[str, o
 
 
 def check_binding(source: Source, span: Span, variable: str, labels: tuple[str, ...], names: tuple[str, ...]) -> None:
-    """Whether a family or quantifier may use this variable for these labels. Raises SpecError."""
+    """Whether a family or quantifier may use this variable for these labels.
+
+    Raises:
+      SpecError: if not.
+    """
     if len(set(labels)) < len(labels):
         twice = next(label for label in labels if labels.count(label) > 1)
         raise SpecError(source, span, f"the label '{twice}' is listed twice; expected once; delete one")

@@ -176,7 +176,11 @@ def _parser() -> Lark:
 
 
 def parse(source: Source) -> syntax.Document:
-    """Read a spec's text. Raises SpecError at the first thing that is no TLTL."""
+    """The syntax tree of a spec's text.
+
+    Raises:
+      SpecError: at the first thing that is no TLTL.
+    """
     code = _without_comments(source.text).rstrip()
     if not code:
         found = "the text is empty" if not source.text.strip() else "the text holds comments only"

@@ -88,7 +88,11 @@ class Meaning:
 
 
 def resolve(source: Source, document: syntax.Document, overrides: Mapping[str, object] | None) -> Meaning:
-    """Settle every name. Raises SpecError."""
+    """Settle every name.
+
+    Raises:
+      SpecError: at the first thing that has no meaning.
+    """
     return _Resolver(source, declare(source, document, overrides)).meaning()
 
 

@@ -47,7 +47,11 @@ class Program:
     arrays: Mapping[int, Array]  # those of nodes that are dead at the end are overwritten by later nodes
 
     def run(self, signals: Signals) -> None:
-        """Fill the arrays. Raises FloatingPointError where an expression has no finite value."""
+        """Fill the arrays.
+
+        Raises:
+          FloatingPointError: where an expression has no finite value.
+        """
         for key, (start, stop), array in self.inputs:
             array[:] = signals[key][:, start:stop]
         with np.errstate(divide="raise", over="raise", invalid="raise", under="ignore"):
@@ -67,9 +71,12 @@ class Plan:
     programs: dict[int, list[Program]] = field(default_factory=dict)  # number of trajectories -> idle ones
 
     def run(self, signals: Signals) -> Values:
-        """The values of the plan's roots. Raises FloatingPointError where an expression has no finite value.
+        """The values of the plan's roots.
 
         Programs are kept for the next call; each is used by one caller at a time.
+
+        Raises:
+          FloatingPointError: where an expression has no finite value.
         """
         count = len(next(iter(signals.values())))
         idle = self.programs.setdefault(count, [])

@@ -23,17 +23,29 @@ BLOCK = 32_768
 
 
 def parse_spec(text: str, constants: Mapping[str, object] | None = None, name: str = "<spec>") -> "Spec":
-    """Read a spec from text; `constants` override the text's own, `name` stands for it in messages.
+    """A spec from its text.
 
-    Raises SpecError.
+    Args:
+      text: declarations and the formula; docs/spec-language.md describes the language.
+      constants: values in place of the text's own.
+      name: stands for the text in messages.
+
+    Raises:
+      SpecError: if something in it is wrong.
     """
     return Spec(text, constants, name)
 
 
 def load_spec(path: str | Path, constants: Mapping[str, object] | None = None) -> "Spec":
-    """Read a spec from a UTF-8 file; `constants` override the file's own.
+    """A spec from a UTF-8 file.
 
-    Raises SpecError, and OSError when there is no such file.
+    Args:
+      path: of the file.
+      constants: values in place of the file's own.
+
+    Raises:
+      SpecError: if something in it is wrong.
+      OSError: if there is no such file.
     """
     data = Path(path).read_bytes()
     try:
@@ -184,8 +196,12 @@ class Spec:
 
 
 def _floats(given: ArrayLike) -> Array:
-    """An array of numbers as float64. Raises TypeError, ValueError or OverflowError for anything that is not: texts,
-    dates and complex numbers, which NumPy would turn into floats."""
+    """An array of numbers as float64.
+
+    Raises:
+      TypeError, ValueError, OverflowError: for anything that is not: texts, dates and complex numbers, which NumPy
+        would turn into floats.
+    """
     array = np.asarray(given)
     numbers = array.dtype.kind in "biuf" or (array.dtype.kind == "O" and all(isinstance(v, Real) for v in array.flat))
     if not numbers:
