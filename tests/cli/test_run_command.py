@@ -7,6 +7,7 @@ import json
 import os
 import platform
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -147,6 +148,26 @@ def test_a_manifest_repeats_its_experiment(undisturbed, tmp_path):
     code, _, errors = run(tmp_path, "--from", str(undisturbed / "manifest.json"))
     assert code == 0
     assert "10 of 10 runs were done before and are kept" in errors
+
+
+def test_a_manifest_says_nothing_about_what_is_deleted_or_whom_to_connect_to(undisturbed, tmp_path):
+    """A forged one names a victim's folder, wants it emptied, and points to a scheduler."""
+    shutil.copytree(undisturbed, tmp_path / "runs/victim")
+    (tmp_path / "runs/victim/notes.txt").write_text("mine")
+    (tmp_path / "runs/got").mkdir()
+    forged = json.loads((undisturbed / "manifest.json").read_text())
+    forged["config"] |= {
+        "name": "victim", "overwrite": True, "engine": {"address": "tcp://127.0.0.1:9"}, "runs_dir": "/nowhere",
+        "trials": forged["config"]["trials"] + 1,
+    }  # fmt: skip
+    (tmp_path / "runs/got/manifest.json").write_text(json.dumps(forged))
+    code, _, errors = run(tmp_path, "--from", "runs/got/manifest.json")
+    assert code == 2
+    assert f"{tmp_path}/runs/victim holds results of another config" in errors
+    assert (tmp_path / "runs/victim/notes.txt").read_text() == "mine"
+    _, shown, _ = run(tmp_path, "--from", "runs/got/manifest.json", "--cfg", "job")
+    assert "address: null" in shown
+    assert "overwrite: false" in shown
 
 
 def test_a_manifest_goes_on_in_its_own_folder_wherever_its_spec_lay(tmp_path):

@@ -86,6 +86,8 @@ def _now() -> str:
 def settings_in(path: Path) -> dict[str, Any]:
     """The config of a manifest.json, as a whole config: results beside the old ones, the spec's text as it was.
 
+    Machinery is never taken from the file: what is deleted, and to whom the command connects, it alone says.
+
     Raises:
       UserError: if it cannot be read.
     """
@@ -94,14 +96,14 @@ def settings_in(path: Path) -> dict[str, Any]:
         raise UserError(
             f"{path}: {'not' if path.exists() else 'there is no such file; give'} the manifest.json of an experiment"
         )
-    settings = machinery_defaults() | content["config"] | {"runs_dir": str(path.resolve().parent.parent)}
+    settings = content["config"] | machinery_defaults() | {"runs_dir": str(path.resolve().parent.parent)}
     ((name, expected),) = content["specs"].items()
     try:
         text = spec_path(settings["spec"]).read_bytes().decode("utf-8-sig")
         unchanged = digest(text.encode()) == expected
     except UserError:
         unchanged = False
-    return settings if unchanged else settings | {"spec": str(path.parent / SPECS / name)}
+    return settings if unchanged else settings | {"spec": str(path.parent / SPECS / Path(name).name)}
 
 
 def spec_name(study: Study) -> str:
