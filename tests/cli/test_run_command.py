@@ -421,7 +421,7 @@ MISTAKES = {
         "tltl-run: reward.wrong_order: missing from the config; is reward the one of this experiment?"
     ),
     ("experiment=reach_avoid", "+reward.step.c9=1"): (
-        "tltl-run: reward.step.c9: no such key; did you mean c2?"
+        "tltl-run: reward.step.c9: no such key; there are: c1, c2, goal, obstacle"
     ),
     ("experiment=reach_avoid", "engine.address=nonsense"): (
         "tltl-run: engine.address: no scheduler answers at nonsense (it must be tcp://HOST:PORT or tls://HOST:PORT); "
