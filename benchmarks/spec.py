@@ -106,13 +106,13 @@ def rows() -> list[tuple[str, float, float | None, str]]:
         (
             "visit_in_order (30, 500): sentil / ours",
             against_sentil("visit_in_order", VISIT_IN_ORDER, 30, 500),
-            10.0,
+            15.0,
             ">=",
         ),
         (
             "visit_in_order (1000, 500): sentil / ours",
             against_sentil("visit_in_order", VISIT_IN_ORDER, 1000, 500),
-            10.0,
+            20.0,
             ">=",
         ),
     ]
