@@ -33,6 +33,11 @@ from tltlrl.training.session import learned_policy
 from tltlrl.training.study import Run, Study
 
 
+def processors() -> int:
+    """How many this process may use; those of the whole machine where, as on macOS, the system does not say."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def run_experiment(study: Study, machinery: Machinery, command: list[str]) -> bool:
     """Computes what is missing of a study and writes its tables and figures.
 
@@ -185,7 +190,7 @@ def compute(folder: Path, study: Study, machinery: Machinery, missing: list[Run]
         if error is not None:
             failures[f"{run.case.name}/seed_{run.seed}"] = f"{type(error).__name__}: {error}"
 
-    workers = min(machinery.workers or len(os.sched_getaffinity(0)), len(missing))
+    workers = min(machinery.workers or processors(), len(missing))
     progress.say(f"{len(missing)} runs of {study.algorithm.iterations} iterations into {folder}")
     try:
         run_all(jobs, workers, machinery.address, progress.advance, on_end)
