@@ -71,6 +71,15 @@ def test_a_violated_trace_is_a_result(trace, capsys):
     assert "at step 0" in out
 
 
+def test_the_number_beside_a_formula_is_its_value(tmp_path, capsys):
+    (tmp_path / "light.tltl").write_text("G !(red > 0.5)")
+    (tmp_path / "trace.csv").write_text("red\n0\n1\n")
+    assert tltl(tmp_path / "light.tltl", tmp_path / "trace.csv") == 1
+    out = capsys.readouterr().out
+    assert "robustness   -0.5\n" in out
+    assert "explanation  decided at step 1 by !(red > 0.5), margin -0.5 (" in out
+
+
 def test_constants_are_set(trace, capsys):
     assert tltl(SPECS / "reach_avoid.tltl", trace(offset=0.25), "--set", "goal_radius=0.3") == 0
     assert tltl(SPECS / "visit_in_order.tltl", "--set", "goal.r=[1,2]", "--set", "goal.g=[3,4]") == 0

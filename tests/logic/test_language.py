@@ -149,15 +149,50 @@ def test_constants_are_overridden():
 
 @pytest.mark.parametrize(
     ("text", "horizon"),
-    [("x < 1", 0), ("X X x < 1", 2), ("G[2,5] F[0,3] x < 1", 8), ("(X y < 1) U[1,4] x < 1", 5), ("F x < 1", None)],
+    [
+        ("x > 0 U[0,2] y > 0", 2),
+        ("x > 0 R[0,2] y > 0", 2),
+        ("X (x > 0 U[1,3] y > 0)", 4),
+        ("F[0,3] (x > 0 U[0,2] y > 0)", 5),
+        ("x < 1", 0),
+        ("X X x < 1", 2),
+        ("G[2,5] F[0,3] x < 1", 8),
+        ("(X y < 1) U[1,4] x < 1", 4),
+        ("F x < 1", None),
+    ],
 )
 def test_horizon(text, horizon):
     assert parse_spec(text).horizon == horizon
 
 
-def test_signals_of_a_bare_formula():
-    spec = parse_spec("F distance(ee, (1, 2)) < 0.2 & norm(ee - q) > 1 & x < 1")
-    assert spec.signals == {"ee": 2, "q": 2, "x": None}
+@pytest.mark.parametrize(
+    ("text", "signals"),
+    [
+        ("F distance(ee, (1, 2)) < 0.2 & norm(ee - q) > 1 & x < 1", {"ee": 2, "q": 2, "x": None}),
+        ("norm(c - (0, 0)) < 1 & norm(b - c) < 1 & norm(a - b) < 1", {"a": 2, "b": 2, "c": 2}),
+        ("norm(a - b) < 1 & norm(b - c) < 1 & norm(c - (0, 0)) < 1", {"a": 2, "b": 2, "c": 2}),
+        ("distance(2 * ee, (1, 2)) < 1", {"ee": 2}),
+        ("norm(-ee + (1, 2)) < 1", {"ee": 2}),
+        ("distance(ee / 2 * 3 - q, (1, 2, 3)) < 1", {"ee": 3, "q": 3}),
+        ("box(ee, a, (1, 2)) & ball(q, a, 0.5)", None),
+        ("distance(x, y) < 1", {"x": None, "y": None}),
+    ],
+)
+def test_signals_of_a_bare_formula(text, signals):
+    if signals is None:  # read as vectors, and so refused for what it is: a region that moves
+        with pytest.raises(SpecError, match="found a signal; expected constants"):
+            parse_spec(text)
+    else:
+        assert parse_spec(text).signals == signals
+
+
+def test_many_signals_of_one_dimension_are_found_out_at_once():
+    links = [f"norm(a{i} - a{i + 1}) < 1" for i in range(400)]
+    random.Random(0).shuffle(links)
+    start = time.perf_counter()
+    spec = parse_spec(" & ".join([*links, "norm(a400 - (0, 0)) < 1"]))
+    assert set(spec.signals.values()) == {2}
+    assert time.perf_counter() - start < 2
 
 
 def test_definitions_in_order_even_when_used_before():
@@ -227,6 +262,24 @@ def test_a_mistake_after_much_space_is_told_at_once():
         with pytest.raises(SpecError):
             parse_spec("x < 1 &" + filler * 50_000 + ")")
     assert time.perf_counter() - start < 2
+
+
+def test_what_rounding_leaves_of_a_bound_is_rounded():
+    text = "const dt = 0.1\nconst deadline = 0.7\nsignal x\nspec: F[0, deadline / dt] x > 0"
+    assert parse_spec(text).horizon == 7
+    for bound, horizon in [("0.3 / 0.1", 3), ("0.29 * 100", 29), ("1 + (0.3 - 3 * 0.1)", 1)]:
+        assert parse_spec(f"F[0, {bound}] x > 0").horizon == horizon
+    for bound in ("6.5", "7.00001", "7.0000001"):
+        with pytest.raises(SpecError, match=f"the bound is {bound}; expected a whole number"):
+            parse_spec(f"F[0, {bound}] x > 0")
+
+
+def test_two_different_untils_are_shown_with_parentheses():
+    spec = parse_spec("a > 0 U b > 0 W c > 0")
+    assert spec.robustness({"a": [[1, -1]], "b": [[-1, -1]], "c": [[-1, 1]]}) == [1]
+    assert spec.formula == "a > 0 U (b > 0 W c > 0)"
+    assert parse_spec("a > 0 T b > 0 T c > 0").formula == "a > 0 T b > 0 T c > 0"
+    assert parse_spec("a > 0 T (b > 0 U[1,2] c > 0)").formula == "a > 0 T (b > 0 U[1, 2] c > 0)"
 
 
 def test_bounds_are_sums_of_constants():

@@ -1,5 +1,6 @@
 """The evaluator against the definition, and the laws that follow from the definition."""
 
+import re
 import time
 from concurrent.futures import ThreadPoolExecutor
 
@@ -73,6 +74,17 @@ def test_explanations_name_what_decides(f, batch):
         assert line[why.column - 1 :].replace("(", "").startswith(why.predicate.split()[0].replace("(", ""))
 
 
+@settings(deadline=None, max_examples=200)
+@given(formulas(), batches(max_count=1))
+def test_the_margin_told_is_that_of_the_formula_shown(f, batch):
+    signals, lengths = batch
+    (why,) = declared(f).explain(signals, lengths)
+    if why.predicate is not None:
+        shown, margin = re.fullmatch(r"at step \d+ by (.*), margin (\S+)", why.decided_by).groups()
+        value = parse_spec(DECLARED + shown).robustness_over_time(signals, lengths)[0, why.step]
+        assert margin == f"{value + 0.0:+.6g}"
+
+
 @pytest.mark.parametrize(
     ("text", "predicate", "name", "line"),
     [
@@ -107,7 +119,7 @@ def test_explaining_a_truncated_operand_takes_no_cubic_time():
     assert time.perf_counter() - start < 3
 
 
-G, F, N, U, R, W, T = s.Always, s.Eventually, s.Not, s.Until, s.Release, s.WeakUntil, s.Then
+G, F, N, X, U, R, W, T = s.Always, s.Eventually, s.Not, s.Next, s.Until, s.Release, s.WeakUntil, s.Then
 
 
 @settings(deadline=None, max_examples=60)
@@ -212,6 +224,54 @@ def test_the_horizon_holds(f, batch):
         for values in other.values():
             values[:, spec.horizon + 1 :] += 7
         assert spec.robustness(signals) == spec.robustness(other)
+
+
+short = st.tuples(st.integers(0, 2), st.integers(0, 2)).map(
+    lambda ab: s.Interval(s.Number(float(ab[0])), s.Number(float(sum(ab))))
+)
+
+
+@st.composite
+def read_once(draw, depth=3):
+    """Bounded formulas in which each signal stands once: then each sample that the value is read from can change it."""
+    names = (f"x{i}" for i in range(2**depth))
+
+    def formula(depth):
+        if depth == 0 or draw(st.booleans()):
+            return s.Comparison((s.Name(next(names)), s.Number(0.0)), (">",))
+        kind = draw(st.sampled_from([N, X, G, F, s.And, s.Or, s.Implies, U, R]))
+        if kind is N or kind is X:
+            return kind(formula(depth - 1))
+        if kind is G or kind is F:
+            return kind(formula(depth - 1), draw(short))
+        if kind is s.And or kind is s.Or:
+            return kind((formula(depth - 1), formula(depth - 1)))
+        # On a slice cut short a temporal left operand may be decided by the cut, whatever the samples are.
+        two = formula(0 if kind in (U, R) else depth - 1), formula(depth - 1)
+        return kind(*two) if kind is s.Implies else kind(*two, draw(short))
+
+    return formula(depth)
+
+
+@settings(deadline=None, max_examples=200)
+@given(read_once(), st.integers(0, 1000))
+def test_the_horizon_is_reached_and_no_more(f, seed):
+    """Samples beyond it never change the value; in some trajectory the sample at it does."""
+    spec = parse_spec(str(f))
+    generator = np.random.default_rng(seed)
+    count, steps = 20_000, spec.horizon + 3
+
+    def changed(columns):
+        other = {name: values.copy() for name, values in signals.items()}
+        for values in other.values():
+            values[:, columns] = generator.normal(size=values[:, columns].shape)
+        return spec.robustness(other) != spec.robustness(signals)
+
+    # Of some signals almost all samples hold, of others almost none: what decides is often far away.
+    likely = {name: generator.uniform(-3, 3, (count, 1)) for name in spec.signals}
+    signals = {name: generator.normal(size=(count, steps)) + likely[name] for name in spec.signals}
+    assert not changed(slice(spec.horizon + 1, None)).any()
+    assert changed(slice(spec.horizon, spec.horizon + 1)).any()
 
 
 @settings(deadline=None, max_examples=60)

@@ -2,6 +2,7 @@
 overrides, and in a bare formula the signals that its names stand for."""
 
 import math
+from collections import deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from numbers import Real
@@ -136,23 +137,33 @@ def _names(source: Source, document: syntax.Document) -> tuple[tuple[str, ...], 
 def _inferred_signals(formula: Node) -> tuple[dict[str, int | None], dict[str, Span]]:
     """In a bare formula every free name is a signal: a vector where it meets one, else a scalar."""
     names: dict[str, Span] = {}
+    alike: list[tuple[Node, ...]] = []  # terms of one dimension
     for node, _ in syntax.walk(formula):
-        if isinstance(node, syntax.Name):
-            names.setdefault(node.name, node.span)
+        match node:
+            case syntax.Name(name):
+                names.setdefault(name, node.span)
+            case syntax.Call("ball", (point, centre, _)):  # its radius is a scalar
+                alike.append((point, centre))
+            case syntax.Call("distance" | "box", terms):
+                alike.append(terms)
+            case syntax.Arithmetic("+" | "-", a, b):
+                alike.append((a, b))
+    told_by: dict[str, list[tuple[Node, ...]]] = {name: [] for name in names}
+    for terms in alike:
+        for term in terms:
+            for node, _ in syntax.walk(term):
+                if isinstance(node, syntax.Name):
+                    told_by[node.name].append(terms)
     known: dict[str, int] = {}
-    for _ in range(2):
-        for node, _ in syntax.walk(formula):
-            match node:
-                case syntax.Call("distance" | "ball" | "box", pair) if len(pair) > 1:
-                    # A ball's radius is a scalar; all else in these three calls has one dimension.
-                    terms = pair[:2] if node.function == "ball" else pair
-                case syntax.Arithmetic("+" | "-", a, b):
-                    terms = (a, b)
-                case _:
-                    continue
-            dimension = next((d for t in terms if (d := _dimension(t, known)) is not None), None)
-            if dimension is not None:
-                known |= {t.name: dimension for t in terms if isinstance(t, syntax.Name)}
+    pending = deque(alike)
+    while pending:
+        terms = pending.popleft()
+        dimension = next((d for t in terms if (d := _dimension(t, known)) is not None), None)
+        if dimension is not None:
+            found = set().union(*map(_names_of_dimension, terms)) - known.keys()
+            known |= dict.fromkeys(found, dimension)
+            for name in found:
+                pending.extend(told_by[name])
     return {name: known.get(name) for name in names}, names
 
 
@@ -169,6 +180,22 @@ def _dimension(node: Node, known: Mapping[str, int]) -> int | None:
         case syntax.Arithmetic(_, a, b):
             parts = iter((a, b))
     return next((d for part in parts if (d := _dimension(part, known)) is not None), None)
+
+
+def _names_of_dimension(node: Node) -> set[str]:
+    """The names that must have the dimension that an expression has."""
+    match node:
+        case syntax.Name(name):
+            return {name}
+        case syntax.Negative(a) | syntax.Arithmetic("/", a, _):
+            return _names_of_dimension(a)
+        case syntax.Arithmetic("+" | "-", a, b):
+            return _names_of_dimension(a) | _names_of_dimension(b)
+        case syntax.Arithmetic("*", a, b) if isinstance(a, syntax.Number):
+            return _names_of_dimension(b)
+        case syntax.Arithmetic("*", a, b) if isinstance(b, syntax.Number):
+            return _names_of_dimension(a)
+    return set()
 
 
 def _effective_constants(

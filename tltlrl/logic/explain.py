@@ -44,12 +44,12 @@ class Explanation:
 
     @property
     def decided_by(self) -> str:
-        """How it was decided: `at step 3 by x < 1 in low, margin +0.2`."""
+        """How it was decided: `at step 3 by !(x < 1) in low, margin -0.2`; the margin is that of the formula shown."""
         if self.predicate is None:
             return f"by the end of the trajectory, step {self.step}"
         part = f" in {self.name}" if self.name else ""
         atom = f"!({self.predicate})" if self.negated else self.predicate
-        return f"at step {self.step} by {atom}{part}, margin {self.margin:+.6g}"
+        return f"at step {self.step} by {atom}{part}, margin {self.value:+.6g}"
 
     @property
     def place(self) -> str:

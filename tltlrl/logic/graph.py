@@ -66,6 +66,8 @@ class Graph:
 
     ops: list[Op] = field(default_factory=list)
     pointwise: list[bool] = field(default_factory=list)
+    # A bounded until that was split into other operations: its node -> its right operand and its upper bound.
+    split: dict[int, tuple[int, int]] = field(default_factory=dict)
     _number: dict[Op, int] = field(default_factory=dict)
 
     def add(self, name: str, *args: int, data: tuple[object, ...] = ()) -> int:
@@ -119,7 +121,11 @@ class Graph:
                 case (("always" | "eventually"), ((_, int(upper)),)):
                     deepest += upper
                 case (("until" | "then"), ((_, int(upper)), _)):
-                    deepest += upper
+                    # The left operand is read on slices that end at t + upper, whatever it reaches itself.
+                    deepest = reach[op.args[1]] + upper
+            if node in self.split:
+                right, upper = self.split[node]
+                deepest = min(deepest, reach[right] + upper)
             reach[node] = deepest
         return None if reach[root] == math.inf else int(reach[root])
 

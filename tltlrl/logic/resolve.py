@@ -17,6 +17,7 @@ from tltlrl.logic.shortcut import at_start
 from tltlrl.logic.syntax import Node
 
 _ONE_SCALAR = {"abs": "absolute", "sqrt": "sqrt", "exp": "exp", "sin": "sin", "cos": "cos"}
+ROUNDING = 1e-9  # of a bound that is computed, relative
 _ARITHMETIC = {"+": "add", "-": "subtract", "*": "multiply", "/": "divide", "**": "power"}
 
 
@@ -542,7 +543,9 @@ class _Resolver:
         if window[0] > 0:
             parts.append(op("always", p, data=((0, window[0] - 1),)))
             until = op("next", until, data=(window[0], True))
-        return op("minimum", *parts, until)
+        bounded = op("minimum", *parts, until)
+        self.graph.split[bounded.node] = q.node, window[1]
+        return bounded
 
     def _window(self, interval: syntax.Interval | None, scope: Mapping[str, str]) -> tuple[int, int] | None:
         if interval is None:
@@ -557,12 +560,15 @@ class _Resolver:
 
     def _bound(self, node: Node, scope: Mapping[str, str]) -> int:
         (value,) = self._fixed(node, Expression((self.scalar(node, scope),)), "bound")
-        if value < 0 or not value.is_integer():
+        whole = round(value)
+        # 0.7 / 0.1 is 6.999999999999999: what is so near to a whole number was meant to be one.
+        if whole < 0 or not math.isclose(value, whole, rel_tol=ROUNDING, abs_tol=ROUNDING):
             raise self.error(
                 node,
-                f"the bound is {value:g}; expected a whole number of steps from 0 on; time is counted in samples",
+                f"the bound is {syntax.number_text(value)}; expected a whole number of steps from 0 on; "
+                "time is counted in samples",
             )
-        return int(value)
+        return whole
 
 
 def _with_labels(node: Node, scope: Mapping[str | None, str | None] | Mapping[str, str]) -> str:

@@ -284,13 +284,20 @@ def value_text(value: float | tuple[float, ...]) -> str:
 
 
 def text(node: Node) -> str:
-    """Text that parses back to an equal tree, with no parentheses but the needed ones."""
+    """Text that parses back to an equal tree, with no parentheses but those that are needed, or that tell a reader how
+    two different ones of U, R, W and T are joined."""
     return _write(node)[0]
 
 
 def _at(node: Node, strength: int) -> str:
     written, own = _write(node)
     return written if own >= strength else f"({written})"
+
+
+def _right_of(node: Node, right: Node) -> str:
+    """The right operand of U, R, W or T; these four stand on one level."""
+    mixed = isinstance(right, Until | Release | WeakUntil | Then) and type(right) is not type(node)
+    return _at(right, _UNARY if mixed else _UNTIL)
 
 
 def _write(node: Node) -> tuple[str, int]:
@@ -329,13 +336,13 @@ def _write(node: Node) -> tuple[str, int]:
         case Interval(a, b):
             return f"[{a}, {b}]", _ATOM
         case Until(a, b, interval):
-            return f"{_at(a, _UNARY)} U{interval or ''} {_at(b, _UNTIL)}", _UNTIL
+            return f"{_at(a, _UNARY)} U{interval or ''} {_right_of(node, b)}", _UNTIL
         case Release(a, b, interval):
-            return f"{_at(a, _UNARY)} R{interval or ''} {_at(b, _UNTIL)}", _UNTIL
+            return f"{_at(a, _UNARY)} R{interval or ''} {_right_of(node, b)}", _UNTIL
         case WeakUntil(a, b):
-            return f"{_at(a, _UNARY)} W {_at(b, _UNTIL)}", _UNTIL
+            return f"{_at(a, _UNARY)} W {_right_of(node, b)}", _UNTIL
         case Then(a, b):
-            return f"{_at(a, _UNARY)} T {_at(b, _UNTIL)}", _UNTIL
+            return f"{_at(a, _UNARY)} T {_right_of(node, b)}", _UNTIL
         case And(operands):
             return " & ".join(_at(a, _UNTIL) for a in operands), _AND
         case Or(operands):

@@ -55,9 +55,8 @@ def draw(spec: Spec, signals: Mapping[str, Array], why: Explanation, path: str |
     for axis in axes:
         axis.axvline(why.step, color="tab:red", linewidth=0.8, linestyle=(0, (1, 2)))
         axis.spines[["top", "right"]].set_visible(False)
-    if why.margin is not None:
-        # On the predicate's own curve, where its sub-formula has one: a negation turns the value's sign.
-        last.plot(why.step, why.margin, "o", color="tab:red", markersize=7, markerfacecolor="white", zorder=5)
+    if why.predicate is not None:
+        last.plot(why.step, why.value, "o", color="tab:red", markersize=7, markerfacecolor="white", zorder=5)
     last.set_title(f"decided {why.decided_by}", fontsize=9, loc="left")
     last.set_xlabel("step")
     last.set_ylabel("robustness from here on")
