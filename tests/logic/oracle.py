@@ -38,7 +38,8 @@ def robustness(f, trace, t, e):
 
     def window(interval):
         """The times t + [a, b], cut at the end of the slice."""
-        a, b = (0, e) if interval is None else (int(interval.lower.value), int(interval.upper.value))
+        a = 0 if interval is None else int(interval.lower.value)
+        b = e if interval is None or isinstance(interval.upper, s.Infinity) else int(interval.upper.value)
         return range(min(t + a, e), min(t + b + 1, e))
 
     match f:

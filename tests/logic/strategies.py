@@ -36,7 +36,8 @@ comparisons = st.one_of(
 intervals = st.tuples(st.integers(0, 4), st.integers(0, 6)).map(
     lambda ab: s.Interval(s.Number(float(ab[0])), s.Number(float(sum(ab))))
 )
-maybe = st.none() | intervals
+endless = st.integers(0, 4).map(lambda a: s.Interval(s.Number(float(a)), s.Infinity()))
+maybe = st.none() | intervals | endless
 
 
 def _compound(inner):

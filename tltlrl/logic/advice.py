@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -26,6 +27,7 @@ OPERATORS = {
     "RELEASE": "is the operator 'release'",
     "WEAK": "is the operator 'weak until'",
     "THEN": "is the operator 'then'",
+    "INFINITY": "is infinity, the end of an interval",
     "NEXT": "is the operator 'next'",
     "ALWAYS": "is the operator 'always'",
     "EVENTUALLY": "is the operator 'eventually'",
@@ -44,6 +46,7 @@ class Stop:
     Attributes:
       token: the one that cannot stand there; of type $END at the end of the text.
       accepts: types of the tokens that can.
+      text: the text before it, or its end if it is long.
       before: the word or sign before it, "" at the start.
       after: the text after it.
       within: the keyword of the declaration that it stands in, "" if there is none.
@@ -51,6 +54,7 @@ class Stop:
 
     token: Token
     accepts: frozenset[str]
+    text: str
     before: str
     after: str
     within: str
@@ -81,6 +85,25 @@ class Stop:
     def foreign(self) -> str | None:
         """Advice for a word of another language, here or before."""
         return (self.kind == "NAME" and elsewhere(str(self.token))) or elsewhere(self.before)
+
+    @property
+    def windowed(self) -> str | None:
+        """Advice for a word of another language before the bracket that is open here."""
+        word = re.search(r"(\w+)\s*\[[^\[\]]*$", self.text)
+        return elsewhere(word[1]) if word else None
+
+    @property
+    def named(self) -> str | None:
+        """The name that is given here as if no keyword were needed: `p := ...`, or `p = ...` with a formula."""
+        if self.kind == "NAME" and self.declaration_wanted and re.match(r"\s*:?=(?!=)", self.after):
+            return str(self.token)
+        given = self.after.startswith("=") if self.kind == "COLON" else re.match(r"(?!=).*[<>]", self.after)
+        return self.before if self.text.strip() == self.before != "" and self.is_naming and given else None
+
+    @property
+    def is_naming(self) -> bool:
+        """Whether a sign stands here by which other languages name things."""
+        return self.kind in {"ASSIGN", "COLON"} and self.before.isidentifier()
 
     @property
     def name_wanted(self) -> bool:
@@ -120,6 +143,13 @@ Advice = Callable[[Stop], str]
 TABLE: tuple[tuple[Condition, Advice], ...] = (
     (lambda s: s.meant is not None, lambda s: f"expected a declaration or a formula; did you mean {s.meant}?"),
     (
+        lambda s: s.named is not None,
+        lambda s: (
+            f"expected a declaration or a formula; name a formula by 'def {s.named}: ...', a number by "
+            f"'let {s.named} = ...', and begin the formula that is the spec with 'spec:'"
+        ),
+    ),
+    (
         lambda s: s.name_wanted and s.before == ".",
         lambda _: "expected a component after the dot; write .x, .y or .z, or an index in brackets, as in ee[0]",
     ),
@@ -140,6 +170,10 @@ TABLE: tuple[tuple[Condition, Advice], ...] = (
         lambda _: "expected a number; a vector has two numbers or more, and one number stands without parentheses",
     ),
     (lambda s: s.number_wanted, lambda _: f"expected a finite number; {LITERAL}"),
+    (
+        lambda s: s.kind == "INFINITY",
+        lambda _: "expected a finite number; infinity can only end an interval, as in F[2, inf]",
+    ),
     (
         lambda s: s.operand_wanted and s.kind in DECLARATIONS,
         lambda s: f"expected a formula or a number; complete what stands before '{s.token}'",
@@ -164,6 +198,10 @@ TABLE: tuple[tuple[Condition, Advice], ...] = (
     (
         lambda s: s.kind == "ASSIGN" and "COLON" in s.accepts,
         lambda _: "expected ':'; a sub-formula is named by 'def name: formula', a number by 'let name = expression'",
+    ),
+    (
+        lambda s: s.kind == "ASSIGN" and s.after.startswith("=>"),
+        lambda _: "expected an operator; 'implies' is written =>",
     ),
     (lambda s: s.kind == "ASSIGN" or (s.kind == "NOT" and s.after.startswith("=")), lambda _: NO_EQUALITY),
     (
@@ -191,6 +229,14 @@ TABLE: tuple[tuple[Condition, Advice], ...] = (
         lambda s: s.kind == "RPAR" and s.accepts == {"COMMA"},
         lambda _: "expected ','; a vector has two numbers or more, and one number stands without parentheses",
     ),
+    (
+        lambda s: s.windowed is not None and s.kind in {"COMMA", "COLON"},
+        lambda s: f"expected an operator before the interval; {s.windowed}",
+    ),
+    (
+        lambda s: s.kind == "RPAR" and s.missing == ["]"],
+        lambda _: "expected ']'; an interval holds both of its bounds, so that [0, 5) is [0, 4]",
+    ),
     (lambda s: bool(s.missing), lambda s: f"expected {' or '.join(map(repr, s.missing))}; write it here"),
     (
         lambda s: s.declaration_wanted and s.within == "const" and s.kind in {*ARITHMETIC, "COMMA"},
@@ -200,6 +246,33 @@ TABLE: tuple[tuple[Condition, Advice], ...] = (
         lambda s: s.declaration_wanted and s.kind == "COMMA",
         lambda s: (
             f"expected the next declaration; each name has one of its own: write '{s.within}' in place of the comma"
+        ),
+    ),
+    (
+        lambda s: (
+            s.declaration_wanted
+            and s.within == "const"
+            and s.kind == "NAME"
+            and re.search(r"\d[ \t]*\Z", s.text) is not None
+        ),
+        lambda s: f"expected the next declaration; numbers have no unit: write '# {s.token}', a comment",
+    ),
+    (
+        lambda s: s.declaration_wanted and s.within == "signal" and s.kind == "COLON",
+        lambda _: "expected the next declaration; a signal has no type: delete what begins with the colon",
+    ),
+    (
+        lambda s: s.declaration_wanted and s.within == "signal" and s.kind == "LSQB",
+        lambda _: (
+            "expected the next declaration; a signal is one number or one vector: declare several, "
+            "as 'signal a[2] signal b[2]'"
+        ),
+    ),
+    (
+        lambda s: s.declaration_wanted and re.search(r"(?<!\w)spec\s*:", s.after) is not None,
+        lambda _: (
+            "expected a declaration (signal, const, let, def) or the formula, 'spec: ...'; "
+            "delete it or begin it with one of these words"
         ),
     ),
     (
@@ -234,7 +307,7 @@ def expected(token: Token, accepts: set[str], text: str, after: str) -> str:
     """
     before = re.findall(r"\w+$|\S$|$", text.rstrip()[-100:])[0]
     within = ["", *re.findall(rf"\b(?:{'|'.join(DECLARATIONS.values())})\b", text)][-1]
-    stop = Stop(token, frozenset(accepts), before, after, within)
+    stop = Stop(token, frozenset(accepts), text[-200:], before, after, within)
     return next(advice(stop) for condition, advice in TABLE if condition(stop))
 
 
@@ -250,10 +323,11 @@ def unknown_character(char: str) -> str:
         "'": "names are written without quotes",
         "%": "comments begin with #",
         "≠": NO_EQUALITY,
-        "∞": elsewhere("inf") or "",
         "@": "names hold letters, digits and _",
         "$": "names hold letters, digits and _",
     }.get(char, "see the operator table in docs/spec-language.md")
+    if unicodedata.category(char) in {"Zs", "Cf"}:
+        advice = "this is a space of another kind, or none: write a plain one or delete it"
     return f"found the character {char!r}; it has no meaning in a spec; {advice}"
 
 

@@ -67,8 +67,10 @@ def declare(source: Source, document: syntax.Document, overrides: Mapping[str, o
     is_bare = not document.declarations
     if is_bare:
         signals, spans = _inferred_signals(document.formula)
-        for name in sorted({"true", "false", "inf"} & signals.keys()):
+        for name in sorted({"true", "false"} & signals.keys()):
             raise SpecError(source, spans[name], f"found '{name}'; expected the name of a signal; {elsewhere(name)}")
+        for name in sorted(FUNCTIONS.keys() & signals.keys()):
+            raise SpecError(source, spans[name], f"'{name}' is a function; expected its arguments; write {name}(...)")
     constants = _effective_constants(source, document, families, {} if overrides is None else overrides)
     return Declarations(names, signals, spans, families, constants, _with_constants(document, constants), is_bare)
 

@@ -71,8 +71,8 @@ class TraceError(_PointingError):
 
 # What other languages and logics call it -> what is written here.
 _WRITTEN = {
-    **dict.fromkeys(("always", "globally"), "G"),
-    **dict.fromkeys(("eventually", "finally"), "F"),
+    **dict.fromkeys(("always", "globally", "alw", "alw_"), "G"),
+    **dict.fromkeys(("eventually", "finally", "ev", "ev_"), "F"),
     "next": "X",
     "until": "U",
     "release": "R",
@@ -87,11 +87,13 @@ _WRITTEN = {
 
 def elsewhere(word: str) -> str | None:
     """Advice for a word that means something in other languages, but nothing here; None for any other word."""
+    if len(word) > 1 and set(word) <= set("GFXURWT"):
+        return f"'{word}' is one name: write the operators apart, as {' '.join(word)}"
     word = word.lower()
     if word in _WRITTEN:
         return f"'{word}' is written {_WRITTEN[word]}"
     if word in {"true", "false"}:
         return "there are no truth values, every formula has a margin: leave it out or write a comparison"
-    if word in {"inf", "infinity"}:
-        return "there is no infinity: for a window without an end leave the interval out, as in G (x < 1)"
+    if word in {"once", "historically", "since", "previous"}:
+        return f"there are no operators of the past: '{word}' cannot be said"
     return None

@@ -37,6 +37,7 @@ POINTWISE = {*ARITHMETIC, "signal", "constant"}
 PARTIAL = {"divide", "power", "sqrt", "exp"}
 
 Window = tuple[int, int] | None
+FOREVER = 2**62  # the upper bound of a window without end, where a lower one has to be named
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +127,7 @@ class Graph:
             if node in self.split:
                 right, upper = self.split[node]
                 deepest = min(deepest, reach[right] + upper)
-            reach[node] = deepest
+            reach[node] = deepest if deepest < FOREVER else math.inf
         return None if reach[root] == math.inf else int(reach[root])
 
 

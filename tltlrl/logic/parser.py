@@ -124,6 +124,9 @@ class _TreeBuilder(Transformer[Token, object]):
     def interval(self, left: Token, lower: Node, _: Token, upper: Node, right: Token) -> Node:
         return syntax.Interval(lower, upper, span=span_of(left).to(span_of(right)))
 
+    def endless(self, left: Token, lower: Node, _: Token, end: Token, right: Token) -> Node:
+        return syntax.Interval(lower, syntax.Infinity(span=span_of(end)), span=span_of(left).to(span_of(right)))
+
     def comparison(self, *parts: Piece) -> Node:
         operands = _nodes(parts)
         operators = tuple(str(p).replace("≤", "<=").replace("≥", ">=") for p in parts if isinstance(p, Token))

@@ -12,7 +12,7 @@ from tltlrl.errors import nearest
 from tltlrl.logic import syntax
 from tltlrl.logic.declarations import FUNCTIONS, Declarations, Value, check_binding, declare
 from tltlrl.logic.errors import Source, Span, SpecError, elsewhere
-from tltlrl.logic.graph import Graph
+from tltlrl.logic.graph import FOREVER, Graph
 from tltlrl.logic.shortcut import at_start
 from tltlrl.logic.syntax import Node
 
@@ -302,11 +302,11 @@ class _Resolver:
     def vector(self, node: Node, scope: Mapping[str, str], reason: str) -> Expression:
         result = self.quantity(node, scope)
         if result.dimension is None:
-            advice = (
-                f"declare '{node}' as a vector: signal {node}[2]"
-                if self.declared.is_bare
-                else "use a vector or leave it out"
-            )
+            advice = "use a vector or leave it out"
+            if self.declared.is_bare:
+                names = dict.fromkeys(part.name for part, _ in syntax.walk(node) if isinstance(part, syntax.Name))
+                vectors = " ".join(f"signal {name}[2]" for name in names)
+                advice = f"say that it is a vector, '{vectors} spec: ...'" if names else advice
             raise self.error(node, f"found a scalar; expected a vector: {reason}; {advice}")
         return result
 
@@ -450,7 +450,10 @@ class _Resolver:
     def truth(self, node: Node, scope: Mapping[str, str]) -> Truth:
         result = self.evaluate(node, scope)
         if isinstance(result, Expression):
-            raise self.error(node, f"found {_shape(result)}; expected a formula; compare it, as in {node} < 1")
+            advice = f"compare it, as in {node} > 0.5 if 1 says that it is true"
+            if result.dimension is not None:
+                advice = f"compare a component or the length, as in norm({node}) < 1"
+            raise self.error(node, f"found {_shape(result)}; expected a formula; {elsewhere(str(node)) or advice}")
         return result
 
     def _predicate(self, node: Node, number: int, scope: Mapping[str, str]) -> Truth:
@@ -502,9 +505,9 @@ class _Resolver:
             case syntax.Next(p, strong):
                 return op("next", of(p), data=(1, strong))
             case syntax.Always(p, interval):
-                return op("always", of(p), data=(self._window(interval, scope),))
+                return self._reduced("always", of(p), self._window(interval, scope))
             case syntax.Eventually(p, interval):
-                return op("eventually", of(p), data=(self._window(interval, scope),))
+                return self._reduced("eventually", of(p), self._window(interval, scope))
             case syntax.Until(p, q, interval):
                 return self._until(of(p), of(q), self._window(interval, scope))
             case syntax.Release(p, q, interval):
@@ -528,29 +531,41 @@ class _Resolver:
             case _:
                 raise TypeError(f"no meaning for {type(node).__name__}")
 
+    def _reduced(self, name: str, p: Truth, window: tuple[int, int] | None) -> Truth:
+        """G or F; F[a,inf] p = X[!]^a F p, and G[a,inf] p = X^a G p."""
+        op = self._operation
+        if window is None or window[1] < FOREVER:
+            return op(name, p, data=(window,))
+        return op("next", op(name, p, data=(None,)), data=(window[0], name == "eventually"))
+
     def _until(self, p: Truth, q: Truth, window: tuple[int, int] | None) -> Truth:
         """U, with a window split off where p holds no temporal operator.
 
         p U[a,b] q = F[a,b] q & G[0,a-1] p & X[!]^a (p U q), in value too: a witness of the last part beyond
-        b can be replaced by the one of the first. The left operand must not depend on the witness for this.
+        b can be replaced by the one of the first. The left operand must not depend on the witness for this. Without
+        an end the first part is not needed.
         """
         op = self._operation
         truncated = not self.graph.pointwise[p.node]
         if window is None or truncated:
             return op("until", p, q, data=(window, truncated))
         until = op("until", p, q, data=(None, False))
-        parts = [op("eventually", q, data=(window,))]
+        parts = [] if window[1] == FOREVER else [op("eventually", q, data=(window,))]
         if window[0] > 0:
             parts.append(op("always", p, data=((0, window[0] - 1),)))
             until = op("next", until, data=(window[0], True))
         bounded = op("minimum", *parts, until)
-        self.graph.split[bounded.node] = q.node, window[1]
+        if window[1] < FOREVER:
+            self.graph.split[bounded.node] = q.node, window[1]
         return bounded
 
     def _window(self, interval: syntax.Interval | None, scope: Mapping[str, str]) -> tuple[int, int] | None:
         if interval is None:
             return None
-        lower, upper = self._bound(interval.lower, scope), self._bound(interval.upper, scope)
+        lower = self._bound(interval.lower, scope)
+        if isinstance(interval.upper, syntax.Infinity):
+            return (lower, FOREVER) if lower > 0 else None
+        upper = self._bound(interval.upper, scope)
         if lower > upper:
             raise self.error(
                 interval,

@@ -136,6 +136,11 @@ class Next(Node):
 
 
 @dataclass(frozen=True, slots=True)
+class Infinity(Node):
+    """`inf`, the upper bound of an interval without end."""
+
+
+@dataclass(frozen=True, slots=True)
 class Interval(Node):
     """`[a, b]` in steps."""
 
@@ -333,6 +338,8 @@ def _write(node: Node) -> tuple[str, int]:
             return f"G{interval or ''} {_at(a, _UNARY)}", _UNARY
         case Eventually(a, interval):
             return f"F{interval or ''} {_at(a, _UNARY)}", _UNARY
+        case Infinity():
+            return "inf", _ATOM
         case Interval(a, b):
             return f"[{a}, {b}]", _ATOM
         case Until(a, b, interval):

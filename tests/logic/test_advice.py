@@ -1,0 +1,105 @@
+"""Advice is right: who follows it writes a spec that parses and means what was asked."""
+
+import numpy as np
+import pytest
+
+from tltlrl.logic import SpecError, parse_spec
+
+
+def value(text):
+    """Robustness on trajectories of signals that are near 0 and 1, or points near the origin."""
+    spec = parse_spec(text)
+    generator = np.random.default_rng(0)
+    signals = {
+        name: generator.normal(size=(50, 12) if dimension is None else (50, 12, dimension))
+        for name, dimension in sorted(spec.signals.items())
+    }
+    return spec.robustness(signals).tolist()
+
+
+# What was written, what is told, what is written after that, and another way to say what was asked.
+CASES = [
+    ("G !collision", "compare it, as in collision > 0.5", "G !collision > 0.5", "G collision < 0.5"),
+    (
+        "signal ee[2]\nspec: G ee",
+        "as in norm(ee) < 1",
+        "signal ee[2]\nspec: G norm(ee) < 1",
+        "G distance(ee, (0, 0)) < 1",
+    ),
+    ("always[0,5] x < 1", "'always' is written G", "G[0,5] x < 1", "!F[0,5] x > 1"),
+    ("eventually[0,5] x < 1", "'eventually' is written F", "F[0,5] x < 1", "!G[0,5] x > 1"),
+    ("alw_[0,5] x < 1", "'alw_' is written G", "G[0,5] x < 1", "!F[0,5] x > 1"),
+    ("ev_[0,5] (x < 1)", "'ev_' is written F", "F[0,5] (x < 1)", "!G[0,5] x > 1"),
+    ("x > 0 until[0,5] y > 0", "'until' is written U", "x > 0 U[0,5] y > 0", "!(x < 0 R[0,5] y < 0)"),
+    ("F[0, 5) x < 1", "[0, 5) is [0, 4]", "F[0, 4] x < 1", "!G[0,4] x > 1"),
+    ("G x < inf", "infinity can only end an interval", "G x < 1e300", "G x - 1e300 < 0"),
+    ("signal inf\nspec: inf < 1", "such as 'inf_'", "signal inf_\nspec: inf_ < 1", "x < 1"),
+    ("signal x : float\nspec: x < 1", "delete what begins with the colon", "signal x\nspec: x < 1", "x < 1"),
+    (
+        "const limit = 3 m\nsignal x\nspec: x < limit",
+        "write '# m', a comment",
+        "const limit = 3 # m\nsignal x\nspec: x < limit",
+        "x < 3",
+    ),
+    (
+        "signal ped[2][2]\nspec: norm(ped[1]) < 1",
+        "declare several, as 'signal a[2] signal b[2]'",
+        "signal a[2] signal b[2] spec: norm(b) < 1",
+        "signal a[2] signal b[2] spec: distance(b, (0, 0)) < 1",
+    ),
+    (
+        "signal x\nphi := G x > 0\nspec: phi",
+        "name a formula by 'def phi: ...'",
+        "signal x\ndef phi: G x > 0\nspec: phi",
+        "G x > 0",
+    ),
+    (
+        "phi := G x > 0\nspec: phi",
+        "name a formula by 'def phi: ...'",
+        "signal x\ndef phi: G x > 0\nspec: phi",
+        "G x > 0",
+    ),
+    (
+        "c = always(x > 0)",
+        "begin the formula that is the spec with 'spec:'",
+        "signal x spec: G (x > 0)",
+        "G x > 0",
+    ),
+    ("signal x\nspeed = 2 * x\nspec: speed < 1", "by 'let speed = ...'", "signal x\nlet v = 2 * x\nspec: v < 1", None),
+    (
+        "norm(a - b) < 1",
+        "'signal a[2] signal b[2] spec: ...'",
+        "signal a[2] signal b[2] spec: norm(a - b) < 1",
+        "distance(a, b + (0, 0)) < 1",
+    ),
+    ("norm(a) < 1", "'signal a[2] spec: ...'", "signal a[2] spec: norm(a) < 1", "distance(a, (0, 0)) < 1"),
+    ("x > 0 ==> y > 0", "'implies' is written =>", "x > 0 => y > 0", "!x > 0 | y > 0"),
+    ("GF x < 1", "write the operators apart, as G F", "G F x < 1", "G (F x < 1)"),
+    ("GF (x < 1)", "write the operators apart, as G F", "G F (x < 1)", "G (F x < 1)"),
+    ("XX x < 1", "write the operators apart, as X X", "X X x < 1", "X (X x < 1)"),
+    ("x\u00a0< 1", "write a plain one or delete it", "x < 1", None),
+    ("x\u200b < 1", "write a plain one or delete it", "x < 1", None),
+    ("x < 1\nspec: x < 1", "", "signal x\nspec: x < 1", None),
+    ("signal x\nx < 1\nspec: x < 2", "delete it or begin it with", "signal x\ndef p: x < 1\nspec: x < 2", "x < 2"),
+    ("max < 1", "write max(...)", "max(x, y) < 1", "x < 1 & y < 1"),
+    ("G TRUE", "leave it out or write a comparison", "G x < 1", None),
+    ("x == 1", "write abs(a - b) < tolerance", "abs(x - 1) < 0.1", "0.9 < x < 1.1"),
+]
+
+
+@pytest.mark.parametrize(("mistake", "told", "followed", "meant"), CASES)
+def test_who_follows_the_advice_says_what_was_meant(mistake, told, followed, meant):
+    with pytest.raises(SpecError) as found:
+        parse_spec(mistake)
+    assert told in str(found.value).split("\n")[0]
+    assert value(followed) == pytest.approx(value(meant or followed))
+
+
+@pytest.mark.parametrize("text", ["F[2, inf] x > 0", "F[2,inf) x > 0", "F[2, ∞) x > 0", "X[!] X[!] F x > 0"])
+def test_a_window_without_end(text):
+    spec = parse_spec(text)
+    assert spec.horizon is None
+    assert spec.robustness({"x": [[3, 2, 1, 0.5, 0.75]]}) == [1]
+    assert spec.robustness({"x": [[3, 2]]}) == [-np.inf]
+    assert parse_spec("G[2, inf] x > 0").robustness({"x": [[3, -2]]}) == [np.inf]
+    assert parse_spec("F[0, inf] x > 0").robustness({"x": [[3, -2]]}) == [3]
