@@ -13,9 +13,15 @@ class UserError(ValueError):
     """A wrong config, spec, trace or folder: the message says where, what, and what to do."""
 
 
+def printable(name: object, width: int = 80) -> str:
+    """A name from a file as a message may show it: on one line, without control characters, and not endless."""
+    text = "".join(c if c.isprintable() else "?" for c in str(name)[: width + 1])
+    return text if len(text) <= width else f"{text[:width]}..."
+
+
 def nearest(name: object, valid: Iterable[object]) -> str:
     """'; did you mean ...?' with the closest valid name, or '; there are: ...' if none is close, or nothing at all."""
-    names = sorted(map(str, valid))
+    names = sorted(map(printable, valid))
     if not names:
         return ""
     if close := get_close_matches(str(name), names, n=1, cutoff=0.6):

@@ -2,6 +2,7 @@
 
 import argparse
 import io
+import re
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from tltlrl.cli.check import add_parser, check
 from tltlrl.cli.main import main
 from tltlrl.errors import UserError
 from tltlrl.logic import SpecError
+from tltlrl.logic.trace import read_trace
 
 SPECS = Path(__file__).parents[2] / "specs"
 
@@ -126,6 +128,11 @@ def test_names_that_begin_with_an_underscore_are_in_the_legend(tmp_path):
         ("x\n1\na\n", r"trace.csv:3:1: x is 'a'; expected a finite number"),
         ("y,x\n1,2\n1\n", r"trace.csv:3:2: the row has 1 cell; expected 2, as the header; complete it or delete it"),
         ("x\n0,5\n0,7\n", r"trace.csv:2:2: the row has 2 cells; expected 1, as the header; write decimal points"),
+        ("x,y\n1,2,\n", r"trace.csv:2:3: the row has 3 cells; expected 2, as the header; delete the comma at its end"),
+        ("# made today\nx\na\n", r"trace.csv:3:1: x is 'a'; expected a finite number"),
+        ("# made today\n1\n2\n", r"trace.csv:1:1: there is no column x; there are: made today"),
+        ("x\n" + 200 * "a" + "\n", r"trace.csv:2:1: x is 'a{80}\.\.\.'; expected a finite number"),
+        ("\x1b[31my\n1\n", r"trace.csv:1:1: there is no column x; there are: \?\[31my$"),
         ("x,x\n1,2\n", r"trace.csv:1:2: there are 2 columns x; expected one; delete or rename the others"),
         ("x\n1_000\n", r"trace.csv:2:1: x is '1_000'; expected a finite number"),
         ("x\n1\nnan\n", r"trace.csv:3:1: x is 'nan'; expected a finite number; repair the recording"),
@@ -139,6 +146,49 @@ def test_a_wrong_trace(text, message, tmp_path):
     (tmp_path / "trace.csv").write_text(text)
     with pytest.raises(UserError, match=message):
         check(tmp_path / "task.tltl", tmp_path / "trace.csv", out=io.StringIO())
+
+
+def test_a_missing_column_among_many_is_told_briefly(tmp_path):
+    (tmp_path / "task.tltl").write_text("F G x < 1")
+    names = [f"column{i}" for i in range(200_000)]
+    (tmp_path / "trace.csv").write_text(",".join(names) + "\n" + ",".join("0" for _ in names) + "\n")
+    with pytest.raises(UserError, match="there is no column x; there are: column0, column1, ") as found:
+        check(tmp_path / "task.tltl", tmp_path / "trace.csv", out=io.StringIO())
+    assert len(str(found.value)) < 1000
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "t,x\n0,0.5\n1,0.75\n",
+        '# made today\nt,x\n# a remark, with "a quote\n0,0.5\n  # another\n1,0.75\n',
+        "# t,x\n0,0.5\n1,0.75\n",  # as NumPy's savetxt writes it
+        "#t,x\n0,0.5\n1,0.75\n",
+    ],
+)
+def test_comments_in_a_trace(text, tmp_path):
+    (tmp_path / "trace.csv").write_text(text)
+    assert read_trace(tmp_path / "trace.csv", {"x": None})["x"].tolist() == [[0.5, 0.75]]
+
+
+def test_a_device_is_no_file(tmp_path):
+    (tmp_path / "task.tltl").write_text("F G x < 1")
+    with pytest.raises(UserError, match="/dev/zero: the trace is a device; expected a file"):
+        check(tmp_path / "task.tltl", "/dev/zero", out=io.StringIO())
+    with pytest.raises(UserError, match="/dev/zero: the spec is a device; expected a file"):
+        check("/dev/zero", out=io.StringIO())
+
+
+def test_a_picture_of_many_curves(tmp_path):
+    """Thirty components and twenty sub-formulas are a band each, so that legend and page stay readable."""
+    parts = "".join(f"def p{i}: q[{i}] < 2\n" for i in range(20))
+    (tmp_path / "task.tltl").write_text(f"signal q[30]\n{parts}spec: G (p7 & p8)")
+    header = ",".join(f"q[{i}]" for i in range(30))
+    (tmp_path / "trace.csv").write_text(header + "\n" + (",".join("1" for _ in range(30)) + "\n") * 5)
+    assert tltl(tmp_path / "task.tltl", tmp_path / "trace.csv", "--plot", tmp_path / "picture.svg") == 0
+    shown = re.findall(r"<!--  ?(.*?) -->", (tmp_path / "picture.svg").read_text())
+    assert {"q[0] to q[29]", "p0 to p19", "p7", "spec"} <= set(shown)
+    assert not {"q[1]", "p1"} & set(shown)
 
 
 def test_a_component_in_both_spellings(trace):

@@ -256,6 +256,32 @@ def test_a_formula_that_uses_another_twice_at_each_level_is_read_at_once():
     assert parse_spec(chain + "spec: G p60").robustness({"x": [[0.5]]}) == [0.5]
 
 
+def test_quantifiers_that_nest_write_out_so_much_and_no_more():
+    def nested(count):
+        return "".join(f"all v{k} in a, b: " for k in range(count)) + "x < 1"
+
+    assert parse_spec(nested(10)).robustness({"x": [[0.0]]}) == [1]
+    start = time.perf_counter()
+    for count in (16, 40, 90):
+        with pytest.raises(SpecError, match=r"with its quantifiers written out this holds .* expected at most 200000"):
+            parse_spec(nested(count))
+    family = "signal x\ndef p[i in a, b]: " + nested(15) + "\nspec: p[a]"
+    with pytest.raises(SpecError, match="quantifiers written out"):
+        parse_spec(family)
+    # The advice: a definition is read once.
+    chain = "signal x\ndef p0: x < 1\n" + "".join(f"def p{k}: all v in a, b: p{k - 1}\n" for k in range(1, 41))
+    assert parse_spec(chain + "spec: p40").robustness({"x": [[0.0]]}) == [1]
+    assert time.perf_counter() - start < 5
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_a_comment_ends_with_its_line(end):
+    lines = ["# a comment", "signal x # m", "const c = 1 # m", "spec: x < c # all"]
+    assert parse_spec(end.join(lines)).robustness({"x": [[0.0]]}) == [1]
+    with pytest.raises(SpecError, match=r"<spec>:3:9: unknown name 'y'"):
+        parse_spec(end.join(["# one", "signal x", "spec: G y < 1"]))
+
+
 def test_a_mistake_after_much_space_is_told_at_once():
     start = time.perf_counter()
     for filler in (" ", "# a comment\n", "x"):

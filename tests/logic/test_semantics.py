@@ -110,6 +110,20 @@ def test_an_expression_without_a_value_is_told_where_the_formula_has_it():
         parse_spec("signal x\ndef unused: 1 / x < 1\nspec: x < 2").explain({"x": [[0.0]]})
 
 
+@pytest.mark.parametrize("text", ["norm(p) < 1e-190", "F norm(p) < 1e-190", "G distance(p, (0, 0)) > 1e-190"])
+def test_the_norm_of_tiny_numbers_is_not_zero(text):
+    points = np.array([[3e-200, 4e-200], [3.0, 4.0], [0.0, 0.0], [1e-160, 0.0], [3e-170, 4e-170]])
+    far = np.array([5e-200, 5.0, 0.0, 1e-160, 5e-170])
+    sign = -1 if ">" in text else 1
+    spec = parse_spec(f"signal p[2]\nspec: {text}")
+    together = spec.robustness({"p": points[:, None]})
+    assert together == pytest.approx(sign * (1e-190 - far), rel=1e-15, abs=0)
+    for point, value in zip(points, together, strict=True):
+        assert spec.robustness({"p": point[None, None]}) == value
+        assert spec.robustness_over_time({"p": point[None, None]}) == value
+    assert parse_spec("x < norm((3e-200, 4e-200))").robustness({"x": [[0.0]]}) == pytest.approx(5e-200, abs=0)
+
+
 def test_explaining_a_truncated_operand_takes_no_cubic_time():
     x = np.ones((1, 700))
     x[0, 600], y = 0.0, np.linspace(2, 0.5, 700)[None]

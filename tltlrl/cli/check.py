@@ -23,7 +23,7 @@ exit codes:
   2  something in the spec, the trace or the command has to be mended: one message says what
 
 A trace is a CSV file with one row per sample and named columns: a scalar signal's column has its name, a vector
-signal's components are ee.x, ee.y, ee.z or ee[0], ee[1], ...; other columns are ignored.
+signal's components are ee.x, ee.y, ee.z or ee[0], ee[1], ...; other columns and lines that begin with # are ignored.
 """
 
 
@@ -83,6 +83,8 @@ def check(
     out = out or sys.stdout
     if plot is not None:
         _check_picture(Path(plot), trace_path)
+    if Path(spec_path).is_char_device():
+        raise UserError(f"{spec_path}: the spec is a device; expected a file; give the path of a .tltl file")
     try:
         spec = load_spec(spec_path, constants)
     except OSError as error:

@@ -36,6 +36,9 @@ POINTWISE = {*ARITHMETIC, "signal", "constant"}
 # never missed.
 PARTIAL = {"divide", "power", "sqrt", "exp"}
 
+# Sums of squares below _TINY may have lost digits; those of components times _SCALE have not.
+_TINY, _SCALE = 2.0**-960, 2.0**600
+
 Window = tuple[int, int] | None
 FOREVER = 2**62  # the upper bound of a window without end, where a lower one has to be named
 
@@ -134,13 +137,42 @@ class Graph:
 def apply(op: Op, args: list[Array], out: Array | None = None, scratch: Array | None = None) -> Array:
     """A pointwise operation on its arguments' values, into `out` if given; norm and squares also write to `scratch`."""
     value: Array
-    if op.name in {"norm", "squares"}:
-        value = np.multiply(args[0], args[0], out=out)
-        for arg in args[1:]:
-            value = np.add(value, np.multiply(arg, arg, out=scratch), out=out)
-        return np.sqrt(value, out=out) if op.name == "norm" else value
+    if op.name == "squares":
+        return _squares(args, out, scratch)
+    if op.name == "norm":
+        try:
+            return np.sqrt(_squares(args, out, scratch), out=out)
+        except FloatingPointError as error:
+            if "underflow" not in str(error):
+                raise
+            return _norm_of_small(args, out)
     ufunc = UFUNCS[op.name]
     value = ufunc(*args[:2], out=out)
     for arg in args[2:]:
         value = ufunc(value, arg, out=out)
     return value
+
+
+def _squares(args: list[Array], out: Array | None, scratch: Array | None) -> Array:
+    """The sum of squares.
+
+    Raises:
+      FloatingPointError: if one is too small, or as the caller asks for.
+    """
+    with np.errstate(under="raise"):
+        value = np.multiply(args[0], args[0], out=out)
+        for arg in args[1:]:
+            value = np.add(value, np.multiply(arg, arg, out=scratch), out=out)
+    return value
+
+
+def _norm_of_small(args: list[Array], out: Array | None) -> Array:
+    """The norm where squares of small numbers vanish: those are scaled by a power of 2, which changes no digit."""
+    with np.errstate(under="ignore", over="ignore"):
+        plain = sum(arg * arg for arg in args)
+        scaled = sum((arg * _SCALE) ** 2 for arg in args)
+    value: Array = np.where(plain < _TINY, np.sqrt(scaled) / _SCALE, np.sqrt(plain))
+    if out is None:
+        return value
+    out[...] = value
+    return out

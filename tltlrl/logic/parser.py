@@ -11,6 +11,8 @@ from tltlrl.logic.syntax import Node
 
 # Every later pass recurses over one definition's tree at a time, so this bounds its use of Python's stack.
 MAX_DEPTH = 100
+# Operators and operands of one formula once its quantifiers are written out, label by label.
+MAX_SIZE = 200_000
 
 
 def span_of(token: Token) -> Span:
@@ -198,10 +200,8 @@ def parse(source: Source) -> syntax.Document:
     if document is None:
         raise error  # out here it has no context: lark's own error holds a parser, which cannot go to another process
     assert isinstance(document, syntax.Document)
-    for tree in (
-        *(d.body for d in document.declarations if isinstance(d, syntax.Definition)),
-        document.formula,
-    ):
+    definitions = [d for d in document.declarations if isinstance(d, syntax.Definition)]
+    for tree in (*(d.body for d in definitions), document.formula):
         for node, depth in syntax.walk(tree):
             if depth > MAX_DEPTH:
                 raise SpecError(
@@ -210,6 +210,14 @@ def parse(source: Source) -> syntax.Document:
                     f"this is nested more than {MAX_DEPTH} operators deep; expected less; "
                     "name parts of it with 'def' or 'let'",
                 )
+    for tree, copies in (*((d.body, len(d.labels) or 1) for d in definitions), (document.formula, 1)):
+        if (size := syntax.size(tree) * copies) > MAX_SIZE:
+            raise SpecError(
+                source,
+                tree.span,
+                f"with its quantifiers written out this holds {size} operators and operands; expected at most "
+                f"{MAX_SIZE}; name what an inner quantifier says with 'def', which is read once",
+            )
     return document
 
 

@@ -231,8 +231,7 @@ class _Resolver:
             if label not in labels:
                 raise self.error(
                     node,
-                    f"'{base.name}' has no member '{label}'; expected one of {', '.join(labels)}"
-                    f"{nearest(label, labels)}",
+                    f"'{base.name}' has no member '{label}'; expected one of its own{nearest(label, labels)}",
                 )
             return self.results[base.name, label]
         vector = self.vector(base, scope, f"only a vector or a family has a member [{label}]")

@@ -77,7 +77,7 @@ class Spec:
         if not isinstance(text, str):
             raise TypeError(f"a spec's text is a str, not {type(text).__name__}; load_spec reads one from a file")
         self.text, self.path = text, path
-        self._source = Source(name, text)
+        self._source = Source(name, _with_plain_line_ends(text))
         self._meaning: Meaning = resolve(self._source, parse(self._source), constants)
         self._plan = lru_cache(maxsize=16)(self._make_plan)
 
@@ -178,9 +178,10 @@ class Spec:
         try:
             return self._plan(roots, batch.steps, first).run(block)
         except FloatingPointError:
-            # A shortcut's operations stand nowhere in the spec: the place is that in the formula as written.
-            written = (self._meaning.root,) if first else roots
-            raise batch.failure(self._plan(written, batch.steps, first), rows, block) from None
+            root, start = self._meaning.root, self._meaning.start
+            if roots == (start,) != (root,):  # a shortcut's operations stand nowhere in the spec
+                return {start: self._run(batch, rows, block, (root,), first)[root]}
+            raise batch.failure(self._plan(roots, batch.steps, first), rows, block) from None
 
     def _over_time(self, batch: "_Batch", roots: tuple[int, ...]) -> dict[int, Array]:
         out = {root: np.full((batch.count, batch.width), np.nan) for root in roots}
@@ -193,6 +194,11 @@ class Spec:
                         own = whole[batch.offset[row] :]
                         out[root][row, : len(own)] = own
         return out
+
+
+def _with_plain_line_ends(text: str) -> str:
+    """Lines of other systems may end in CR or CR LF; a comment ends with its line."""
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def _floats(given: ArrayLike) -> Array:

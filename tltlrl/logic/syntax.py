@@ -272,6 +272,17 @@ def walk(tree: Node) -> Iterator[tuple[Node, int]]:
         stack.extend((child, depth + 1) for child in reversed(children(node)))
 
 
+def size(tree: Node) -> int:
+    """How many nodes a tree holds when the body of each quantifier is written out for each label."""
+    total, stack = 0, [(tree, 1)]
+    while stack:
+        node, copies = stack.pop()
+        total += copies
+        copies *= len(node.labels) if isinstance(node, ForEach) else 1
+        stack.extend((child, copies) for child in children(node))
+    return total
+
+
 # Binding strength, loosest first; an operand that binds looser than its place needs parentheses.
 _FOR_EACH, _IFF, _IMPLIES, _OR, _AND, _UNTIL, _UNARY, _COMPARE, _SUM, _PRODUCT, _SIGN, _POWER, _ATOM = range(13)
 
