@@ -141,7 +141,8 @@ def apply(op: Op, args: list[Array], out: Array | None = None, scratch: Array | 
         return _squares(args, out, scratch)
     if op.name == "norm":
         try:
-            return np.sqrt(_squares(args, out, scratch), out=out)
+            with np.errstate(under="raise"):
+                return np.sqrt(_squares(args, out, scratch), out=out)
         except FloatingPointError as error:
             if "underflow" not in str(error):
                 raise
@@ -154,15 +155,9 @@ def apply(op: Op, args: list[Array], out: Array | None = None, scratch: Array | 
 
 
 def _squares(args: list[Array], out: Array | None, scratch: Array | None) -> Array:
-    """The sum of squares.
-
-    Raises:
-      FloatingPointError: if one is too small, or as the caller asks for.
-    """
-    with np.errstate(under="raise"):
-        value = np.multiply(args[0], args[0], out=out)
-        for arg in args[1:]:
-            value = np.add(value, np.multiply(arg, arg, out=scratch), out=out)
+    value = np.multiply(args[0], args[0], out=out)
+    for arg in args[1:]:
+        value = np.add(value, np.multiply(arg, arg, out=scratch), out=out)
     return value
 
 

@@ -13,6 +13,7 @@ which costs steps^2 (and once more that factor for such an operand inside such a
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
+from typing import Literal
 
 import numpy as np
 
@@ -45,16 +46,18 @@ class Program:
     inputs: tuple[tuple[tuple[str, int | None], Steps, Array], ...]
     operations: tuple[tuple[int, Operation], ...]
     arrays: Mapping[int, Array]  # those of nodes that are dead at the end are overwritten by later nodes
+    holds_squares: bool
 
     def run(self, signals: Signals) -> None:
         """Fill the arrays.
 
         Raises:
-          FloatingPointError: where an expression has no finite value.
+          FloatingPointError: where an expression has no finite value, or a square is too small for a float.
         """
         for key, (start, stop), array in self.inputs:
             array[:] = signals[key][:, start:stop]
-        with np.errstate(divide="raise", over="raise", invalid="raise", under="ignore"):
+        under: Literal["raise", "ignore"] = "raise" if self.holds_squares else "ignore"
+        with np.errstate(divide="raise", over="raise", invalid="raise", under=under):
             for _, operation in self.operations:
                 operation()
 
@@ -123,7 +126,8 @@ class Plan:
                 give(scratch)
             for forgotten in dead:
                 give(arrays[forgotten])
-        return Program(tuple(inputs), tuple(operations), arrays)
+        holds_squares = any(self.graph.ops[node].name == "squares" for node, _ in operations)
+        return Program(tuple(inputs), tuple(operations), arrays, holds_squares)
 
     def failure(self, signals: Signals) -> tuple[int, int, int]:
         """Node, step and trajectory of the first value that is not finite, after `run` has raised."""
