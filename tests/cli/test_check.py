@@ -12,7 +12,7 @@ from tltlrl.cli.check import add_parser, check
 from tltlrl.cli.main import main
 from tltlrl.errors import UserError
 from tltlrl.logic import SpecError
-from tltlrl.logic.trace import read_trace
+from tltlrl.logic.trace import read_recording
 
 SPECS = Path(__file__).parents[2] / "specs"
 
@@ -168,7 +168,70 @@ def test_a_missing_column_among_many_is_told_briefly(tmp_path):
 )
 def test_comments_in_a_trace(text, tmp_path):
     (tmp_path / "trace.csv").write_text(text)
-    assert read_trace(tmp_path / "trace.csv", {"x": None})["x"].tolist() == [[0.5, 0.75]]
+    assert read_recording(tmp_path / "trace.csv").signals({"x": None})["x"].tolist() == [[0.5, 0.75]]
+
+
+def timed(tmp_path, times, spec="F[0 s, 0.1 s] x > 0.5", name="time"):
+    (tmp_path / "task.tltl").write_text(spec)
+    rows = "".join(f"{t},{x}\n" for t, x in zip(times, [0, 0, 1, 0, 0, 0], strict=False))
+    (tmp_path / "trace.csv").write_text(f"{name},x\n{rows}")
+    return tltl(tmp_path / "task.tltl", tmp_path / "trace.csv")
+
+
+@pytest.mark.parametrize("name", ["time", "t", "Time", "time_s", "time [s]"])
+@pytest.mark.parametrize("start", [0, 100])
+def test_the_column_of_times_says_the_period(name, start, tmp_path, capsys):
+    assert timed(tmp_path, [start + 0.05 * i for i in range(6)], name=name) == 0
+    out = capsys.readouterr().out
+    assert "period       0.05 s\nhorizon      the first 3 samples, 0.1 s\n" in out
+    assert timed(tmp_path, [start + 0.1 * i for i in range(6)], name=name) == 1
+
+
+@pytest.mark.parametrize(
+    ("times", "period"),
+    [
+        ([0, 0.03, 0.07, 0.1, 0.13, 0.17], "0.0333333333333"),
+        ([7.0, 7.0501, 7.0999, 7.1502, 7.1998, 7.25], "0.05"),
+        ([0, 0.052, 0.104, 0.156, 0.208], "0.052"),
+        ([0, 2.5, 5, 7.5], "2.5"),
+        ([1e3, 1001, 1002.0], "1"),
+        ([0, 0.123456, 0.246912, 0.370368, 0.493824, 0.61728], "0.123456"),
+    ],
+)
+def test_times_of_a_clock_that_rounds_or_jitters(times, period, tmp_path, capsys):
+    timed(tmp_path, times, "F[0 s, 0 s] x > 0.5")
+    assert f"period       {period} s\n" in capsys.readouterr().out
+
+
+def test_seconds_without_a_column_of_times(tmp_path, capsys):
+    (tmp_path / "task.tltl").write_text("F[0 s, 0.1 s] x > 0.5")
+    assert tltl(tmp_path / "task.tltl") == 0
+    assert "horizon      as the samples are far apart\n" in capsys.readouterr().out
+    with pytest.raises(UserError, match=r"trace.csv:1:1: the spec counts in seconds, and there is no column of times"):
+        timed(tmp_path, range(6), name="step")
+    with pytest.raises(UserError, match="there is no column of times"):
+        timed(tmp_path, range(6), name="t")  # which counts samples
+    assert timed(tmp_path, range(6), "period 0.05 s\nF[0 s, 0.1 s] x > 0.5", name="t") == 0
+
+
+@pytest.mark.parametrize(
+    ("times", "told"),
+    [
+        ([0, 0.05, 0.1, 0.08, 0.15], r"trace.csv:5:1: time runs backwards, from 0.1 to 0.08 s, where 0.05 s are usual"),
+        ([0, 0.05, 0.1, 0.1, 0.15], r"trace.csv:5:1: time stands still, from 0.1 to 0.1 s"),
+        ([0, 0.05, 0.1, 0.25, 0.3], r"trace.csv:5:1: time has a gap, from 0.1 to 0.25 s"),
+        ([0, 0.05, 0.1, 0.11, 0.16], r"trace.csv:5:1: time is uneven, from 0.1 to 0.11 s"),
+    ],
+)
+def test_times_that_do_not_go_on_evenly(times, told, tmp_path):
+    with pytest.raises(UserError, match=told):
+        timed(tmp_path, times)
+    assert timed(tmp_path, times, "F[0, 2] x > 0.5") == 0  # which asks for no time
+
+
+def test_two_periods_that_disagree(tmp_path):
+    with pytest.raises(UserError, match=r"trace.csv:1:1: the samples are 0.1 s apart, but the spec says 0.05 s"):
+        timed(tmp_path, [0.1 * i for i in range(6)], "period 0.05 s\nF[0 s, 0.1 s] x > 0.5")
 
 
 def test_a_device_is_no_file(tmp_path):

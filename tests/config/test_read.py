@@ -35,6 +35,21 @@ def test_a_study_is_what_the_config_says():
     ]  # fmt: skip
 
 
+def test_seconds_in_a_spec_are_counted_by_the_tasks_clock(tmp_path):
+    def spec_of(text):
+        (tmp_path / "task.tltl").write_text(text)
+        return read(compose(["task=reach_avoid", f"spec={tmp_path / 'task.tltl'}"]))[0].spec
+
+    spec = spec_of("signal ee[2]\nspec: F[0 s, 8 s] norm(ee) < 1")
+    assert spec.period == 0.05
+    assert spec.horizon == 160
+    assert spec_of("signal ee[2]\nspec: F G norm(ee) < 1").period is None
+    with pytest.raises(UserError, match=r"the bound is 0.12 s, and samples are 0.05 s apart"):
+        spec_of("signal ee[2]\nspec: F[0, 0.12 s] norm(ee) < 1")
+    with pytest.raises(UserError, match=r"the samples are 0.05 s apart, but the spec says 0.1 s"):
+        spec_of("period 0.1 s\nsignal ee[2]\nspec: F[0, 1 s] norm(ee) < 1")
+
+
 @pytest.mark.parametrize("task", ["reach_avoid", "visit_in_order", "toast"])
 def test_a_task_alone_is_learned_from_its_spec(task):
     study, _ = read(compose([f"task={task}", "task.steps=80", "algorithm.iterations=3"]))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tltlrl.logic import SpecError, parse_spec
+from tltlrl.logic import SpecError, TraceError, parse_spec
 
 
 def value(text):
@@ -19,6 +19,15 @@ def value(text):
 
 # What was written, what is told, what is written after that, and another way to say what was asked.
 CASES = [
+    ("period 1\nF[0, 2 s] x > 0", "write it with its unit", "period 1 s\nF[0, 2 s] x > 0", "F[0,2] x > 0"),
+    ("F[0, 0.5] x > 0", "seconds are written with their unit", "period 0.1 s\nF[0, 0.5 s] x > 0", "F[0,5] x > 0"),
+    ("G x > 1 s", "divide it by 1 s", "G x > 1 s / 1 s", "G x > 1"),
+    (
+        "F[0, 2 s] x > 0",
+        "write for instance 'period 0.05 s' into the spec",
+        "period 0.5 s\nF[0, 2 s] x > 0",
+        "F[0,4] x > 0",
+    ),
     ("G !collision", "compare it, as in collision > 0.5", "G !collision > 0.5", "G collision < 0.5"),
     (
         "signal ee[2]\nspec: G ee",
@@ -37,7 +46,7 @@ CASES = [
     ("signal x : float\nspec: x < 1", "delete what begins with the colon", "signal x\nspec: x < 1", "x < 1"),
     (
         "const limit = 3 m\nsignal x\nspec: x < limit",
-        "write '# m', a comment",
+        "times alone have a unit (s, ms, min): write '# m', a comment",
         "const limit = 3 # m\nsignal x\nspec: x < limit",
         "x < 3",
     ),
@@ -89,8 +98,8 @@ CASES = [
 
 @pytest.mark.parametrize(("mistake", "told", "followed", "meant"), CASES)
 def test_who_follows_the_advice_says_what_was_meant(mistake, told, followed, meant):
-    with pytest.raises(SpecError) as found:
-        parse_spec(mistake)
+    with pytest.raises((SpecError, TraceError)) as found:
+        parse_spec(mistake).robustness({"x": [[1.0]]})
     assert told in str(found.value).split("\n")[0]
     assert value(followed) == pytest.approx(value(meant or followed))
 

@@ -77,6 +77,16 @@ def test_every_sample_is_looked_at_once(task):
     assert lengths == [1] * STEPS
 
 
+def test_a_spec_in_seconds_goes_by_the_tasks_clock(task):
+    commands = np.random.default_rng(0).normal(size=(STEPS - 1, 3))
+
+    def last_reward(window):
+        spec = parse_spec(f"signal ee[2]\nspec: G{window} ee.x > 0")
+        return stepped(environment(task, spec, noise=False), commands)[-1].reward
+
+    assert last_reward("[0.1 s, 0.1 s]") == last_reward("[2, 2]") != last_reward("[3, 3]")
+
+
 def test_the_spec_of_an_episode_that_ends_early_is_paid_when_it_ends():
     task = Toast(ToastConfig(command_noise=0.0))
     env = environment(task, parse_spec("signal ee[3]\nspec: F ee[2] < -0.2"))

@@ -1,6 +1,7 @@
 """`tltl check SPEC [TRACE.csv]`: what a spec needs and says, and how one recorded trajectory fares under it."""
 
 import json
+import math
 import sys
 from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Mapping
@@ -11,7 +12,7 @@ import numpy as np
 
 from tltlrl.errors import UserError
 from tltlrl.logic import Explanation, Spec, load_spec
-from tltlrl.logic.trace import columns, read_trace
+from tltlrl.logic.trace import Recording, columns, read_recording
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 PICTURES = (".png", ".pdf", ".svg")
@@ -24,6 +25,7 @@ exit codes:
 
 A trace is a CSV file with one row per sample and named columns: a scalar signal's column has its name, a vector
 signal's components are ee.x, ee.y, ee.z or ee[0], ee[1], ...; other columns and lines that begin with # are ignored.
+Where the spec counts in seconds, a column time (or t), in seconds, says how far apart samples are.
 """
 
 
@@ -91,10 +93,14 @@ def check(
         raise UserError(
             f"{spec_path}: the spec cannot be read: {error.strerror}; give the path of a .tltl file"
         ) from None
-    print(described(spec), file=out)
     if trace_path is None:
+        print(described(spec), file=out)
         return 0
-    signals = read_trace(trace_path, spec.signals)
+    recording = read_recording(trace_path)
+    if spec.counts_seconds:
+        spec = as_sampled(spec, recording)
+    print(described(spec), file=out)
+    signals = recording.signals(spec.signals)
     (why,) = spec.explain(signals)
     steps = next(iter(signals.values())).shape[1]
     print(judged(why, f"{trace_path}, {steps} samples"), file=out)
@@ -104,6 +110,30 @@ def check(
         draw(spec, signals, why, plot)
         print(f"picture      {plot}", file=out)
     return 0 if why.satisfied else 1
+
+
+def as_sampled(spec: Spec, recording: Recording) -> Spec:
+    """The spec with the sampling period of a recording.
+
+    Raises:
+      UserError: if spec and recording say different ones, or neither says one.
+    """
+    period = recording.period()
+    if period is None:
+        if spec.period is None:
+            raise UserError(
+                f"{recording.path}:{recording.top}:1: the spec counts in seconds, and there is no column of times; "
+                "expected one named time, in seconds; add it, or write for instance 'period 0.05 s' into the spec"
+            )
+        return spec
+    if spec.period is None:
+        return spec.sampled(period)
+    if not math.isclose(spec.period, period, rel_tol=0.01):
+        raise UserError(
+            f"{recording.path}:{recording.top}:1: the samples are {period:.6g} s apart, but the spec says "
+            f"{spec.period:.12g} s; expected one period; correct one of them"
+        )
+    return spec
 
 
 def _check_picture(plot: Path, trace_path: str | Path | None) -> None:
@@ -155,16 +185,29 @@ def described(spec: Spec) -> str:
         name: "number" if d is None else f"vector of {d}: columns {', '.join(columns(name, d))}"
         for name, d in spec.signals.items()
     }
-    horizon = spec.horizon
     sections = [
         ("spec", [str(spec.path)]),
         ("formula", [spec.formula]),
         ("named", [f"{name}: {text}" for name, text in spec.definitions.items()]),
         ("signals", [f"{name}, {kind}" for name, kind in kinds.items()]),
-        ("constants", [f"{name} = {written(value)}" for name, value in spec.constants.items()]),
-        ("horizon", ["the whole trajectory" if horizon is None else f"the first {horizon + 1} samples"]),
+        (
+            "constants",
+            [f"{name} = {written(value)}{' s' * (name in spec.durations)}" for name, value in spec.constants.items()],
+        ),
+        ("period", [] if spec.period is None else [f"{spec.period:.12g} s"]),
+        ("horizon", [_horizon(spec)]),
     ]
     return _table(sections)
+
+
+def _horizon(spec: Spec) -> str:
+    """How far into a trajectory its value depends on it."""
+    if spec.counts_seconds and spec.period is None:
+        return "as the samples are far apart"
+    if spec.horizon is None:
+        return "the whole trajectory"
+    seconds = "" if spec.period is None else f", {spec.horizon * spec.period:.6g} s"
+    return f"the first {spec.horizon + 1} samples{seconds}"
 
 
 def judged(why: Explanation, trace: str) -> str:

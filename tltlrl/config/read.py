@@ -15,7 +15,7 @@ from tltlrl.errors import UserError, nearest
 from tltlrl.logic import load_spec
 from tltlrl.registry import LEARNERS, TASKS
 from tltlrl.resources import spec_path
-from tltlrl.training.build import check
+from tltlrl.training.build import check, make_task
 from tltlrl.training.study import MOST_SEEDS, TLTL, AlgorithmConfig, Case, Study
 
 Settings = TypeVar("Settings")
@@ -43,7 +43,7 @@ def read(config: Mapping[str, Any]) -> tuple[Study, Machinery]:
         name=config["name"],
         task=task,
         reward=reward,
-        spec=load_spec(spec_path(config["spec"]), constants=config["constants"]),
+        spec=load_spec(spec_path(config["spec"]), config["constants"]).sampled(make_task(task).control_timestep),
         cases=tuple(cases),
         seeds=_seeds(config["seeds"]),
         algorithm=algorithm,

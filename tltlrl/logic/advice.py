@@ -35,7 +35,10 @@ OPERATORS = {
 DECLARATIONS = {name.upper(): name for name in ("signal", "const", "let", "def", "spec")}
 ARITHMETIC = {"PLUS", "MINUS", "STAR", "SLASH", "POWER"}
 NO_EQUALITY = "a formula has no equality, its robustness would never be positive; write abs(a - b) < tolerance"
-LITERAL = "a constant is a number or a vector of numbers, as 0.2 or (1.5, -2); name anything else with 'let'"
+LITERAL = (
+    "a constant is a number, a vector of numbers or a duration, as 0.2, (1.5, -2) or 1.5 s; "
+    "name anything else with 'let'"
+)
 MARKS = {"RPAR": ")", "RSQB": "]", "COMMA": ",", "COLON": ":", "ASSIGN": "=", "IN": "in"}
 
 
@@ -171,6 +174,10 @@ TABLE: tuple[tuple[Condition, Advice], ...] = (
     ),
     (lambda s: s.number_wanted, lambda _: f"expected a finite number; {LITERAL}"),
     (
+        lambda s: s.accepts == {"DURATION"},
+        lambda _: "expected a duration; write it with its unit (s, ms or min), as in 0.05 s",
+    ),
+    (
         lambda s: s.kind == "INFINITY",
         lambda _: "expected a finite number; infinity can only end an interval, as in F[2, inf]",
     ),
@@ -255,7 +262,9 @@ TABLE: tuple[tuple[Condition, Advice], ...] = (
             and s.kind == "NAME"
             and re.search(r"\d[ \t]*\Z", s.text) is not None
         ),
-        lambda s: f"expected the next declaration; numbers have no unit: write '# {s.token}', a comment",
+        lambda s: (
+            f"expected the next declaration; times alone have a unit (s, ms, min): write '# {s.token}', a comment"
+        ),
     ),
     (
         lambda s: s.declaration_wanted and s.within == "signal" and s.kind == "COLON",

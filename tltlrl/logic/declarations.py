@@ -4,7 +4,7 @@ overrides, and in a bare formula the signals that its names stand for."""
 import math
 from collections import deque
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from numbers import Real
 from typing import TypeGuard
 
@@ -38,8 +38,9 @@ FUNCTIONS = {
 class Declarations:
     """The names of a document, before any formula is read.
 
-    `names` are all that it declares, `families` the labels of those that have members, `document` is the one given
-    with the effective constants in place. `is_bare` says that it declares nothing, so that its names are signals.
+    `names` are all that it declares, `families` the labels of those that have members, `durations` the constants (name
+    and label) that are in seconds, `document` is the one given with the effective constants and period in place.
+    `is_bare` says that it declares nothing, so that its names are signals.
     """
 
     names: tuple[str, ...]
@@ -47,12 +48,16 @@ class Declarations:
     signal_spans: dict[str, Span]
     families: dict[str, tuple[str, ...]]
     constants: dict[str, Value | dict[str, Value]]
+    durations: frozenset[tuple[str, str | None]]
+    period: float | None  # s
     document: syntax.Document
     is_bare: bool
 
 
-def declare(source: Source, document: syntax.Document, overrides: Mapping[str, object] | None) -> Declarations:
-    """Read the declarations and override constants.
+def declare(
+    source: Source, document: syntax.Document, overrides: Mapping[str, object] | None, period: float | None
+) -> Declarations:
+    """Read the declarations, override constants and settle the sampling period, s.
 
     Raises:
       SpecError: at the first one that is wrong.
@@ -64,15 +69,48 @@ def declare(source: Source, document: syntax.Document, overrides: Mapping[str, o
             check_binding(source, d.span, d.variable, d.labels, names)
     own = [d for d in document.declarations if isinstance(d, syntax.Signal)]
     signals, spans = {d.name: d.dimension for d in own}, {d.name: d.span for d in own}
-    is_bare = not document.declarations
-    if is_bare:
+    if document.is_bare:
         signals, spans = _inferred_signals(document.formula)
         for name in sorted({"true", "false"} & signals.keys()):
             raise SpecError(source, spans[name], f"found '{name}'; expected the name of a signal; {elsewhere(name)}")
         for name in sorted(FUNCTIONS.keys() & signals.keys()):
             raise SpecError(source, spans[name], f"'{name}' is a function; expected its arguments; write {name}(...)")
     constants = _effective_constants(source, document, families, {} if overrides is None else overrides)
-    return Declarations(names, signals, spans, families, constants, _with_constants(document, constants), is_bare)
+    period = _period(source, document, period)
+    settled = _with_period(_with_constants(document, constants), period)
+    durations = frozenset(
+        (d.name, d.label) for d in document.declarations if isinstance(d, syntax.Constant) and d.is_duration
+    )
+    return Declarations(names, signals, spans, families, constants, durations, period, settled, document.is_bare)
+
+
+def _period(source: Source, document: syntax.Document, given: float | None) -> float | None:
+    """The time between two samples, s, as the text or the caller says it; both must say the same."""
+    own = [d for d in document.declarations if isinstance(d, syntax.Period)]
+    for d in own:
+        if not 0 < d.seconds < math.inf:
+            raise SpecError(source, d.span, f"the period is {d.seconds:g} s; expected more than 0; correct it")
+    if len(own) > 1:
+        raise SpecError(source, own[1].span, "the period is told twice; expected once; delete one")
+    if given is None:
+        return own[0].seconds if own else None
+    if not _is_number(given) or given <= 0:
+        span = own[0].span if own else document.span
+        raise SpecError(source, span, f"the period given is {given!r}; expected seconds, more than 0; correct it")
+    if own and not math.isclose(own[0].seconds, given, rel_tol=1e-6):
+        raise SpecError(
+            source,
+            own[0].span,
+            f"the samples are {given:.12g} s apart, but the spec says {own[0].seconds:.12g} s; expected one period; "
+            "correct or delete this line",
+        )
+    return own[0].seconds if own else float(given)
+
+
+def _with_period(document: syntax.Document, period: float | None) -> syntax.Document:
+    if period is None or any(isinstance(d, syntax.Period) for d in document.declarations):
+        return document
+    return replace(document, declarations=(syntax.Period(period), *document.declarations))
 
 
 def check_binding(source: Source, span: Span, variable: str, labels: tuple[str, ...], names: tuple[str, ...]) -> None:
@@ -97,6 +135,8 @@ def _names(source: Source, document: syntax.Document) -> tuple[tuple[str, ...], 
     declared: dict[str, syntax.Signal | syntax.Constant | syntax.Definition] = {}
     labels: dict[str, list[str]] = {}
     for d in document.declarations:
+        if isinstance(d, syntax.Period):
+            continue
         first = declared.get(d.name)
         if d.name in FUNCTIONS:
             raise SpecError(
@@ -293,15 +333,13 @@ def _shown(given: object) -> str:
 
 
 def _with_constants(document: syntax.Document, constants: Mapping[str, Value | dict[str, Value]]) -> syntax.Document:
-    def effective(
-        d: syntax.Signal | syntax.Constant | syntax.Definition,
-    ) -> syntax.Signal | syntax.Constant | syntax.Definition:
+    def effective(d: syntax.Declaration) -> syntax.Declaration:
         if not isinstance(d, syntax.Constant):
             return d
         value = constants[d.name]
         if isinstance(value, dict):
             assert d.label is not None
             value = value[d.label]
-        return syntax.Constant(d.name, d.label, value, span=d.span)
+        return replace(d, value=value)
 
-    return syntax.Document(tuple(map(effective, document.declarations)), document.formula, span=document.span)
+    return replace(document, declarations=tuple(map(effective, document.declarations)))

@@ -30,16 +30,23 @@ class _TreeBuilder(Transformer[Token, object]):
     def document(self, *parts: Node | Token) -> syntax.Document:
         keyword = next(i for i, part in enumerate(parts) if isinstance(part, Token))
         formula = parts[keyword + 2]
-        declarations = (*parts[:keyword], *parts[keyword + 3 :])
+        rest = (*parts[:keyword], *parts[keyword + 3 :])
         assert isinstance(formula, Node)
-        return syntax.Document(
-            tuple(d for d in declarations if isinstance(d, syntax.Signal | syntax.Constant | syntax.Definition)),
-            formula,
-            span=formula.span,
-        )
+        declarations = tuple(d for d in rest if isinstance(d, syntax.Declaration))
+        is_bare = all(isinstance(d, syntax.Period) for d in declarations)
+        return syntax.Document(declarations, formula, is_bare, span=formula.span)
 
-    def bare(self, formula: Node) -> syntax.Document:
-        return syntax.Document((), formula, span=formula.span)
+    def bare(self, *parts: Node | Token) -> syntax.Document:
+        formula = parts[-1]
+        assert isinstance(formula, Node)
+        declarations = (self.period(*parts[:2]),) if len(parts) > 1 else ()  # type: ignore[arg-type]
+        return syntax.Document(declarations, formula, True, span=formula.span)
+
+    def period(self, keyword: Token, duration: Token) -> syntax.Period:
+        return syntax.Period(_seconds(duration), span=span_of(keyword).to(span_of(duration)))
+
+    def duration(self, token: Token) -> Node:
+        return syntax.Duration(_seconds(token), span=span_of(token))
 
     def signal(self, _: Token, name: Token, *bracket: Token) -> Node:
         span = span_of(name).to(span_of(bracket[-1] if bracket else name))
@@ -52,13 +59,17 @@ class _TreeBuilder(Transformer[Token, object]):
     def constant(self, _: Token, name: Token, *rest: object) -> Node:
         label = str(rest[1]) if len(rest) > 2 else None
         value = rest[-1]
+        if isinstance(value, syntax.Duration):
+            return syntax.Constant(str(name), label, value.seconds, True, span=span_of(name))
         assert isinstance(value, float | tuple)
         return syntax.Constant(str(name), label, value, span=span_of(name))
 
     def sign(self, *tokens: Token) -> float:
         return -float(tokens[1]) if len(tokens) == 2 else float(tokens[0])
 
-    def literal(self, *parts: object) -> float | tuple[float, ...]:
+    def literal(self, *parts: object) -> float | tuple[float, ...] | Node:
+        if isinstance(parts[0], Token) and parts[0].type == "DURATION":
+            return self.duration(parts[0])
         numbers = tuple(part for part in parts if isinstance(part, float))
         return numbers if len(parts) > 1 else numbers[0]
 
@@ -165,6 +176,12 @@ class _TreeBuilder(Transformer[Token, object]):
         assert isinstance(first, Token)
         assert isinstance(last, Token)
         return syntax.Vector(_nodes(parts), span=span_of(first).to(span_of(last)))
+
+
+def _seconds(token: Token) -> float:
+    """`1.5 s`, `20 ms`, `2 min` in seconds."""
+    number, unit = re.fullmatch(r"(.*?)\s*(s|ms|min)", str(token)).groups()  # type: ignore[union-attr]
+    return {"s": float(number), "ms": float(number) / 1000, "min": float(number) * 60}[unit]
 
 
 def _nodes(parts: tuple[Piece, ...]) -> tuple[Node, ...]:

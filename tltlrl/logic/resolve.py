@@ -23,10 +23,11 @@ _ARITHMETIC = {"+": "add", "-": "subtract", "*": "multiply", "/": "divide", "**"
 
 @dataclass(frozen=True, slots=True)
 class Expression:
-    """A number (dimension None) or a vector, as one graph node per component."""
+    """A number (dimension None) or a vector, as one graph node per component; a duration is a number of seconds."""
 
     components: tuple[int, ...]
     dimension: int | None = None
+    is_duration: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,16 +86,29 @@ class Meaning:
     constants: dict[str, Value | dict[str, Value]]
     definitions: dict[str, tuple[Truth, str]]  # named sub-formulas in order, with their text
     places: dict[int, Predicate]  # of arithmetic nodes that can fail
+    period: float | None  # between two samples, s
+    durations: frozenset[str]  # names of the constants that are in seconds
+    timed: Span | None  # of the first bound in seconds
     regions: tuple[Region, ...]
 
 
-def resolve(source: Source, document: syntax.Document, overrides: Mapping[str, object] | None) -> Meaning:
+def resolve(
+    source: Source, document: syntax.Document, overrides: Mapping[str, object] | None, period: float | None = None
+) -> Meaning:
     """Settle every name.
+
+    Where a bound is in seconds and no period is known, all is settled but the windows: such a meaning is read, and
+    not evaluated.
+
+    Args:
+      source, document: of the spec.
+      overrides: of its constants.
+      period: between two samples, s.
 
     Raises:
       SpecError: at the first thing that has no meaning.
     """
-    return _Resolver(source, declare(source, document, overrides)).meaning()
+    return _Resolver(source, declare(source, document, overrides, period)).meaning()
 
 
 class _Resolver:
@@ -109,6 +123,7 @@ class _Resolver:
         self.regions: list[Region] = []
         self.distances: dict[int, tuple[Node, tuple[float, ...]]] = {}  # of a point from a fixed one
         self.within: str | None = None  # the named sub-formula being read
+        self.timed: Span | None = None
 
     def error(self, node: Node | Span, problem: str) -> SpecError:
         return SpecError(self.source, node if isinstance(node, Span) else node.span, problem)
@@ -121,7 +136,8 @@ class _Resolver:
             self.results[name, None] = self._signal(name)
         for name, constant in self.declared.constants.items():
             for label, value in constant.items() if isinstance(constant, dict) else [(None, constant)]:
-                self.results[name, label] = self._number(value)
+                number = self._number(value)
+                self.results[name, label] = replace(number, is_duration=(name, label) in self.declared.durations)
         ordered, used = self._order(definitions)
         for name in ordered:
             if name in used:
@@ -149,6 +165,9 @@ class _Resolver:
             self.declared.constants,
             {title: (truth, _with_labels(d.body, {d.variable: label})) for title, label, truth, d in order},
             self.places,
+            self.declared.period,
+            frozenset(name for name, _ in self.declared.durations),
+            self.timed,
             tuple(dict.fromkeys(r for title in titles for r in self.regions if r.name == title)),
         )
 
@@ -182,7 +201,7 @@ class _Resolver:
         for label in d.labels or (None,):
             scope = {d.variable: label} if d.variable and label else {}
             if d.keyword == "let":
-                self.results[d.name, label] = self.quantity(d.body, scope)
+                self.results[d.name, label] = self.amount(d.body, scope)
                 continue
             self.within = _title(d.name, label)
             truth = self.truth(d.body, scope)
@@ -270,11 +289,13 @@ class _Resolver:
                 if not math.isfinite(value):
                     raise self.error(node, "this number is too large for a float; expected a finite one; write one")
                 return self._number(value)
+            case syntax.Duration(seconds):
+                return replace(self._number(seconds), is_duration=True)
             case syntax.Vector(items):
                 return Expression(tuple(self.scalar(item, scope) for item in items), len(items))
             case syntax.Negative(a):
-                q = self.quantity(a, scope)
-                return Expression(tuple(self.graph.add("negative", c) for c in q.components), q.dimension)
+                q = self.amount(a, scope)
+                return replace(q, components=tuple(self.graph.add("negative", c) for c in q.components))
             case syntax.Arithmetic():
                 return self._arithmetic(node, scope)
             case syntax.Call():
@@ -282,10 +303,21 @@ class _Resolver:
             case _:
                 return self._formula(node, scope)
 
-    def quantity(self, node: Node, scope: Mapping[str, str]) -> Expression:
+    def amount(self, node: Node, scope: Mapping[str, str]) -> Expression:
+        """A number, a vector or a duration."""
         result = self.evaluate(node, scope)
         if isinstance(result, Truth):
             raise self.error(node, "found a formula; expected a number; only numbers are compared and computed with")
+        return result
+
+    def quantity(self, node: Node, scope: Mapping[str, str]) -> Expression:
+        """A number or a vector."""
+        result = self.amount(node, scope)
+        if result.is_duration:
+            raise self.error(
+                node,
+                "found a duration; expected a number; durations are for the bounds of an interval: divide it by 1 s",
+            )
         return result
 
     def scalar(self, node: Node, scope: Mapping[str, str]) -> int:
@@ -310,10 +342,10 @@ class _Resolver:
         return result
 
     def same(self, nodes: tuple[Node, ...], scope: Mapping[str, str], what: str) -> list[Expression]:
-        """The values of several trees that must agree in dimension."""
-        values = [self.quantity(node, scope) for node in nodes]
+        """The values of several trees that must be of one kind."""
+        values = [self.amount(node, scope) for node in nodes]
         for node, value in zip(nodes[1:], values[1:], strict=True):
-            if value.dimension != values[0].dimension:
+            if (value.dimension, value.is_duration) != (values[0].dimension, values[0].is_duration):
                 raise self.error(
                     node,
                     f"found {_shape(value)}; expected {_shape(values[0])}, as '{nodes[0]}' is; {what}",
@@ -333,9 +365,16 @@ class _Resolver:
         name = _ARITHMETIC[node.operator]
         if node.operator in "+-":
             left, right = self.same((node.left, node.right), scope, "add and subtract like to like")
+            is_duration = left.is_duration
         else:
-            left = self.quantity(node.left, scope)
-            right = self.quantity(node.right, scope)
+            left, right = self.amount(node.left, scope), self.amount(node.right, scope)
+            is_duration = left.is_duration != right.is_duration
+            if (left.is_duration and right.is_duration and node.operator != "/") or (
+                is_duration and (node.operator == "**" or (node.operator == "/" and right.is_duration))
+            ):
+                raise self.error(
+                    node, f"'{node}' is neither a duration nor a number; expected one of them; correct the units"
+                )
             if right.dimension is not None and (left.dimension is not None or node.operator != "*"):
                 raise self.error(
                     node.right,
@@ -350,7 +389,8 @@ class _Resolver:
         dimension = left.dimension if left.dimension is not None else right.dimension
         lefts = left.components * (dimension or 1) if left.dimension is None else left.components
         rights = right.components * (dimension or 1) if right.dimension is None else right.components
-        return Expression(tuple(self.fold(node, name, a, b) for a, b in zip(lefts, rights, strict=True)), dimension)
+        components = tuple(self.fold(node, name, a, b) for a, b in zip(lefts, rights, strict=True))
+        return Expression(components, dimension, is_duration)
 
     def _call(self, node: syntax.Call, scope: Mapping[str, str]) -> Expression | Truth:
         name, arguments = node.function, node.arguments
@@ -559,28 +599,63 @@ class _Resolver:
         return bounded
 
     def _window(self, interval: syntax.Interval | None, scope: Mapping[str, str]) -> tuple[int, int] | None:
+        """The bounds in steps; None where the window is the whole slice."""
         if interval is None:
             return None
-        lower = self._bound(interval.lower, scope)
+        lower, lower_text = self._bound(interval.lower, scope)
         if isinstance(interval.upper, syntax.Infinity):
             return (lower, FOREVER) if lower > 0 else None
-        upper = self._bound(interval.upper, scope)
+        upper, upper_text = self._bound(interval.upper, scope)
+        if 0 not in (lower, upper) and lower_text.endswith("s") != upper_text.endswith("s"):
+            raise self.error(
+                interval,
+                f"one bound is in steps and one in seconds: {lower_text}, {upper_text}; expected both alike; "
+                "write both with their unit",
+            )
         if lower > upper:
             raise self.error(
                 interval,
-                f"the interval is reversed: {lower} is greater than {upper}; expected [small, large]; swap them",
+                f"the interval is reversed: {lower_text} is greater than {upper_text}; expected [small, large]; "
+                "swap them",
             )
         return lower, upper
 
-    def _bound(self, node: Node, scope: Mapping[str, str]) -> int:
-        (value,) = self._fixed(node, Expression((self.scalar(node, scope),)), "bound")
+    def _bound(self, node: Node, scope: Mapping[str, str]) -> tuple[int, str]:
+        """A bound in steps, and as a message shows it."""
+        bound = self.amount(node, scope)
+        if bound.dimension is not None:
+            raise self.error(
+                node, f"found {_shape(bound)}; expected a scalar; a bound is one number of steps or seconds"
+            )
+        (value,) = self._fixed(node, bound, "bound")
+        if bound.is_duration:
+            return self._samples(node, value), f"{syntax.number_text(value)} s"
         whole = round(value)
         # 0.7 / 0.1 is 6.999999999999999: what is so near to a whole number was meant to be one.
         if whole < 0 or not math.isclose(value, whole, rel_tol=ROUNDING, abs_tol=ROUNDING):
             raise self.error(
                 node,
                 f"the bound is {syntax.number_text(value)}; expected a whole number of steps from 0 on; "
-                "time is counted in samples",
+                "plain numbers count samples, seconds are written with their unit, as in 0.5 s",
+            )
+        return whole, str(whole)
+
+    def _samples(self, node: Node, seconds: float) -> int:
+        """A bound in seconds as steps."""
+        self.timed = self.timed or node.span
+        if seconds < 0:
+            raise self.error(node, f"the bound is {seconds:.12g} s; expected 0 s or more; time runs forwards")
+        period = self.declared.period
+        if period is None:
+            return math.ceil(seconds * 1e6)  # of a meaning that is not evaluated
+        steps = seconds / period
+        whole = round(steps)
+        if not math.isclose(steps, whole, rel_tol=ROUNDING, abs_tol=ROUNDING):
+            below, above = (f"{count * period:.12g} s" for count in (math.floor(steps), math.ceil(steps)))
+            raise self.error(
+                node,
+                f"the bound is {seconds:.12g} s, and samples are {period:.12g} s apart; expected a whole number of "
+                f"samples; write {below} or {above}",
             )
         return whole
 
@@ -596,4 +671,6 @@ def _title(name: str, label: str | None) -> str:
 
 
 def _shape(value: Expression) -> str:
+    if value.is_duration:
+        return "a duration"
     return "a scalar" if value.dimension is None else f"a vector of {value.dimension}"

@@ -22,26 +22,30 @@ from tltlrl.logic.semantics import Plan, Signals, plan
 BLOCK = 32_768
 
 
-def parse_spec(text: str, constants: Mapping[str, object] | None = None, name: str = "<spec>") -> "Spec":
+def parse_spec(
+    text: str, constants: Mapping[str, object] | None = None, name: str = "<spec>", period: float | None = None
+) -> "Spec":
     """A spec from its text.
 
     Args:
       text: declarations and the formula; docs/spec-language.md describes the language.
       constants: values in place of the text's own.
       name: stands for the text in messages.
+      period: between two samples, s; needed where bounds are in seconds and the text does not say it.
 
     Raises:
       SpecError: if something in it is wrong.
     """
-    return Spec(text, constants, name)
+    return Spec(text, constants, name, period=period)
 
 
-def load_spec(path: str | Path, constants: Mapping[str, object] | None = None) -> "Spec":
+def load_spec(path: str | Path, constants: Mapping[str, object] | None = None, period: float | None = None) -> "Spec":
     """A spec from a UTF-8 file.
 
     Args:
       path: of the file.
       constants: values in place of the file's own.
+      period: between two samples, s, as for `parse_spec`.
 
     Raises:
       SpecError: if something in it is wrong.
@@ -57,7 +61,7 @@ def load_spec(path: str | Path, constants: Mapping[str, object] | None = None) -
             Span(line, 1, line, 2),
             "the file is not UTF-8 text; expected a spec; save it as UTF-8",
         ) from None
-    return Spec(text, constants, str(path), path=Path(path))
+    return Spec(text, constants, str(path), Path(path), period)
 
 
 class Spec:
@@ -73,16 +77,23 @@ class Spec:
     overflow).
     """
 
-    def __init__(self, text: str, constants: Mapping[str, object] | None, name: str, path: Path | None = None) -> None:
+    def __init__(
+        self,
+        text: str,
+        constants: Mapping[str, object] | None,
+        name: str,
+        path: Path | None = None,
+        period: float | None = None,
+    ) -> None:
         if not isinstance(text, str):
             raise TypeError(f"a spec's text is a str, not {type(text).__name__}; load_spec reads one from a file")
         self.text, self.path = text, path
         self._source = Source(name, _with_plain_line_ends(text))
-        self._meaning: Meaning = resolve(self._source, parse(self._source), constants)
+        self._meaning: Meaning = resolve(self._source, parse(self._source), constants, period)
         self._plan = lru_cache(maxsize=16)(self._make_plan)
 
     def __reduce__(self) -> tuple[object, ...]:
-        return Spec, (self.text, self._meaning.constants, self._source.name, self.path)
+        return Spec, (self.text, self._meaning.constants, self._source.name, self.path, self.period)
 
     def __str__(self) -> str:
         """The spec with its effective constants; parses back to an equal spec."""
@@ -113,6 +124,31 @@ class Spec:
         return MappingProxyType(self._meaning.constants)
 
     @property
+    def durations(self) -> frozenset[str]:
+        """The names of the constants that are in seconds."""
+        return self._meaning.durations
+
+    @property
+    def period(self) -> float | None:
+        """The time between two samples, s; None if nobody said it."""
+        return self._meaning.period
+
+    @property
+    def counts_seconds(self) -> bool:
+        """Whether it says a period, or has a bound in seconds: then it goes with trajectories of one period only."""
+        return self._meaning.timed is not None or self.period is not None
+
+    def sampled(self, period: float) -> "Spec":
+        """The same spec for trajectories whose samples are `period` seconds apart; where it counts no seconds, itself.
+
+        Raises:
+          SpecError: if the text says another period, or a bound in seconds is no whole number of samples.
+        """
+        if not self.counts_seconds:
+            return self
+        return Spec(self.text, self._meaning.constants, self._source.name, self.path, period)
+
+    @property
     def definitions(self) -> Mapping[str, str]:
         """Named sub-formulas in the order of the text, members of a family one by one: name to formula."""
         return MappingProxyType({name: text for name, (_, text) in self._meaning.definitions.items()})
@@ -125,13 +161,33 @@ class Spec:
     @property
     def horizon(self) -> int | None:
         """How many steps beyond the first sample the value can depend on; None when on the whole
-        trajectory."""
+        trajectory.
+
+        Raises:
+          SpecError: if that depends on a sampling period that is not known.
+        """
+        if self.period is None and self.counts_seconds:
+            raise self._without_period(SpecError)
         return self._meaning.graph.horizon(self._meaning.root)
+
+    def _without_period(self, kind: type[SpecError] | type[TraceError]) -> SpecError | TraceError:
+        assert self._meaning.timed is not None
+        return kind(
+            self._source,
+            self._meaning.timed,
+            "the bound is in seconds, and how far apart samples are is not known; expected the sampling period; write "
+            "for instance 'period 0.05 s' into the spec, or pass period=0.05",
+        )
+
+    def _batch(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None) -> "_Batch":
+        if self.period is None and self.counts_seconds:
+            raise self._without_period(TraceError)
+        return _Batch(self._meaning, self._source, signals, lengths)
 
     def robustness(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> Array:
         """The robustness of each whole trajectory, (N,): > 0 satisfied, < 0 violated. In the predicates'
         own unit."""
-        batch = _Batch(self._meaning, self._source, signals, lengths)
+        batch = self._batch(signals, lengths)
         out = np.empty(batch.count)
         root, start = self._meaning.root, self._meaning.start
         if batch.offset is None:
@@ -149,7 +205,7 @@ class Spec:
 
         NaN from a trajectory's length on.
         """
-        batch = _Batch(self._meaning, self._source, signals, lengths)
+        batch = self._batch(signals, lengths)
         return self._over_time(batch, (self._meaning.root,))[self._meaning.root]
 
     def definitions_over_time(
@@ -157,14 +213,14 @@ class Spec:
     ) -> dict[str, Array]:
         """The robustness of each named sub-formula on each suffix: name to (N, T), as
         `robustness_over_time`."""
-        batch = _Batch(self._meaning, self._source, signals, lengths)
+        batch = self._batch(signals, lengths)
         nodes = {name: truth.node for name, (truth, _) in self._meaning.definitions.items()}
         values = self._over_time(batch, tuple(dict.fromkeys(nodes.values())))
         return {name: values[node] for name, node in nodes.items()}
 
     def explain(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> tuple[Explanation, ...]:
         """What decides each trajectory's value: one Explanation each."""
-        batch = _Batch(self._meaning, self._source, signals, lengths)
+        batch = self._batch(signals, lengths)
         named = (truth.node for truth, _ in self._meaning.definitions.values())
         self._over_time(batch, tuple({self._meaning.root, *named}))  # finds expressions without a finite value
         return tuple(explain(self._meaning, self._source.name, batch.single(row)) for row in range(batch.count))

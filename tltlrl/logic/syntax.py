@@ -29,6 +29,13 @@ class Number(Node):
 
 
 @dataclass(frozen=True, slots=True)
+class Duration(Node):
+    """`1.5 s`, `20 ms`, `2 min`."""
+
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
 class Vector(Node):
     """`(a, b, ...)`, at least two scalars."""
 
@@ -142,7 +149,7 @@ class Infinity(Node):
 
 @dataclass(frozen=True, slots=True)
 class Interval(Node):
-    """`[a, b]` in steps."""
+    """`[a, b]` in steps or seconds."""
 
     lower: Node
     upper: Node
@@ -223,6 +230,7 @@ class Constant(Node):
     name: str
     label: str | None
     value: float | tuple[float, ...]
+    is_duration: bool = False  # in seconds
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,11 +246,23 @@ class Definition(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class Document(Node):
-    """Declarations in the order written, and the formula that is the spec."""
+class Period(Node):
+    """`period 0.05 s`: between two samples."""
 
-    declarations: tuple[Signal | Constant | Definition, ...]
+    seconds: float
+
+
+Declaration = Signal | Constant | Definition | Period
+
+
+@dataclass(frozen=True, slots=True)
+class Document(Node):
+    """Declarations in the order written, and the formula that is the spec; a bare one declares nothing but its
+    period."""
+
+    declarations: tuple[Declaration, ...]
     formula: Node
+    is_bare: bool = False
 
 
 def children(node: Node) -> tuple[Node, ...]:
@@ -371,15 +391,20 @@ def _write(node: Node) -> tuple[str, int]:
             return f"{_at(a, _IMPLIES)} <=> {_at(b, _IFF)}", _IFF
         case ForEach(quantifier, variable, labels, body):
             return f"{quantifier} {variable} in {', '.join(labels)}: {text(body)}", _FOR_EACH
+        case Duration(seconds):
+            return f"{number_text(seconds)} s", _ATOM
+        case Period(seconds):
+            return f"period {number_text(seconds)} s", _ATOM
         case Signal(name, dimension):
             return f"signal {name}" + ("" if dimension is None else f"[{dimension}]"), _ATOM
-        case Constant(name, label, value):
-            return f"const {name}" + (f"[{label}]" if label else "") + f" = {value_text(value)}", _ATOM
+        case Constant(name, label, value, is_duration):
+            written = value_text(value) + " s" * is_duration
+            return f"const {name}" + (f"[{label}]" if label else "") + f" = {written}", _ATOM
         case Definition(keyword, name, variable, labels, body):
             family = f"[{variable} in {', '.join(labels)}]" if variable else ""
             return f"{keyword} {name}{family}{' =' if keyword == 'let' else ':'} {body}", _ATOM
-        case Document((), formula):
-            return text(formula), _ATOM
+        case Document(declarations, formula, True):
+            return "\n".join(map(text, (*declarations, formula))), _ATOM
         case Document(declarations, formula):
             return "\n".join(map(text, declarations)) + f"\nspec: {formula}\n", _ATOM
         case _:

@@ -35,6 +35,8 @@ def environment(
       random: of the actuators' noise.
       noise: whether there is such noise.
     """
+    if isinstance(reward, Spec):
+        reward = reward.sampled(task.control_timestep)
     view = _View(task, reward, random, noise)
     # Half a step less than T - 1, so that rounding cannot add a step.
     time_limit = (task.steps - 1.5) * task.control_timestep
