@@ -34,7 +34,7 @@ def trace(tmp_path):
 
 def tltl(*arguments):
     parser = argparse.ArgumentParser(prog="tltl")
-    add_parser(parser.add_subparsers(required=True))
+    add_parser(parser.add_subparsers(required=True), "about")
     parsed = parser.parse_args(["check", *map(str, arguments)])
     return parsed.command(parsed)
 

@@ -1,6 +1,7 @@
 """One run: what its rows mean, and that it goes on from any moment to the same bytes."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -115,6 +116,21 @@ def test_stopped_after_any_iteration_it_ends_with_the_same_bytes(
     for name in ("progress.csv", "policy.npz", "done.json"):
         assert (tmp_path / "stopped" / name).read_bytes() == (tmp_path / "undisturbed" / name).read_bytes(), name
     assert not (tmp_path / "stopped" / "checkpoint.npz").exists()
+
+
+def test_diagnostics_that_change_are_told_and_never_stand_under_other_names(cases, tmp_path, monkeypatch):
+    """Before a stop and after it."""
+    monkeypatch.setattr(session, "CHECKPOINT_SECONDS", 0.0)
+
+    def renaming(run, setup, state, i):
+        result = iterate(run, setup, state, i)
+        return replace(result, record=result.record | ({"eta_of_phase_two": 1.0} if i == 3 else {}))
+
+    monkeypatch.setattr(session, "iterate", renaming)
+    for _ in range(2):  # the second start resumes at iteration 3
+        with pytest.raises(ValueError, match=r"diagnostics changed at iteration 3: .*eta_of_phase_two"):
+            train(cases["tltl_episodic"], tmp_path, lambda _: None)
+    assert "eta_of_phase_two" not in (tmp_path / "progress.csv").read_text()
 
 
 @pytest.mark.parametrize("damage", ["truncated", "missing", "csv too short", "csv missing"])

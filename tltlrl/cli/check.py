@@ -29,11 +29,11 @@ Where the spec counts in seconds, a column time (or t), in seconds, says how far
 """
 
 
-def add_parser(subparsers: Any) -> None:
+def add_parser(subparsers: Any, about: str) -> None:
     """Add the sub-command `check` to a parser's sub-commands; `command(arguments)` of its result does the work."""
     parser: ArgumentParser = subparsers.add_parser(
         "check",
-        help="check a spec and, with a trace, print robustness, verdict and explanation",
+        help=about,
         description=__doc__,
         epilog=EXIT_CODES,
         formatter_class=RawDescriptionHelpFormatter,

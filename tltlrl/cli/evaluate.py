@@ -15,9 +15,9 @@ from tltlrl.training.study import MOST_TRIALS
 from tltlrl.training.verdict import try_policy
 
 
-def add_parser(subparsers: Any) -> None:
+def add_parser(subparsers: Any, about: str) -> None:
     """Adds `evaluate` to a parser's sub-commands."""
-    parser = subparsers.add_parser("evaluate", description=__doc__)
+    parser = subparsers.add_parser("evaluate", help=about, description=__doc__)
     parser.add_argument("run", type=Path, metavar="RUN", help="for instance runs/reach_avoid/tltl_episodic/seed_0")
     parser.add_argument("--trials", type=int, default=10, help="how many (default 10, as in the case study)")
     parser.add_argument("--seed", type=int, default=0, help="of the actuators' noise (default 0)")

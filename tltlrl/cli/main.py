@@ -52,7 +52,7 @@ def _tltl(arguments: list[str]) -> int:
     named = next((argument for argument in arguments if not argument.startswith("-")), None)
     for name, about in COMMANDS.items():
         if name == named:
-            importlib.import_module(f"tltlrl.cli.{name}").add_parser(commands)
+            importlib.import_module(f"tltlrl.cli.{name}").add_parser(commands, about)
         else:
             commands.add_parser(name, help=about)
     chosen = parser.parse_args(arguments)

@@ -10,9 +10,9 @@ from tltlrl.reports.plotting import plot_learning_curves, read_curves
 from tltlrl.store.layout import FIGURE
 
 
-def add_parser(subparsers: Any) -> None:
+def add_parser(subparsers: Any, about: str) -> None:
     """Adds `plot` to a parser's sub-commands."""
-    parser = subparsers.add_parser("plot", description=__doc__)
+    parser = subparsers.add_parser("plot", help=about, description=__doc__)
     parser.add_argument("experiments", type=Path, nargs="+", metavar="EXPERIMENT", help="for instance runs/reach_avoid")
     parser.add_argument("--output", type=Path, help="where to, without suffix (default EXPERIMENT/learning_curves)")
     parser.set_defaults(command=plot)

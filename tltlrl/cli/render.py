@@ -13,9 +13,9 @@ from tltlrl.store.layout import WORKSPACE
 from tltlrl.training.build import make_task
 
 
-def add_parser(subparsers: Any) -> None:
+def add_parser(subparsers: Any, about: str) -> None:
     """Adds `render` to a parser's sub-commands."""
-    parser = subparsers.add_parser("render", description=__doc__)
+    parser = subparsers.add_parser("render", help=about, description=__doc__)
     parser.add_argument("run", type=Path, metavar="RUN", help="for instance runs/reach_avoid/tltl_episodic/seed_0")
     parser.add_argument("--output", type=Path, help="a folder for them (default RUN)")
     parser.set_defaults(command=render)

@@ -12,9 +12,9 @@ from typing import Any
 from tltlrl.config.compose import compose, searchpath
 
 
-def add_parser(subparsers: Any) -> None:
+def add_parser(subparsers: Any, about: str) -> None:
     """Adds `search` to a parser's sub-commands."""
-    parser = subparsers.add_parser("search", description=__doc__)
+    parser = subparsers.add_parser("search", help=about, description=__doc__)
     parser.add_argument(
         "overrides",
         nargs="+",

@@ -46,7 +46,7 @@ def train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
       report: called with the number of finished iterations.
 
     Raises:
-      ValueError: if a return is not a number; the folder keeps what was done before.
+      ValueError: if a return is not a number, or a learner's diagnostics change; the folder keeps what was done.
       UserError: if another process, such as a remote worker that outlived its command, still computes this run.
     """
     try:
@@ -73,6 +73,7 @@ def _train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
         "algorithm": run.case.learner,
         "seed": run.seed,
     }
+    columns = (folder / PROGRESS).read_text().split("\n", 1)[0].split(",") if first else None
     last_checkpoint = time.monotonic()
     with (
         naming(folder / PROGRESS),
@@ -85,10 +86,14 @@ def _train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
             state = result.state
             env_steps += result.env_steps
             counts = {"iteration": i, "episodes": (i + 1) * run.algorithm.samples, "env_steps": env_steps}
-            _write_row(progress, same | counts | result.record, header=i == 0)
+            row = same | counts | result.record
+            columns = columns or list(row)
+            if list(row) != columns:  # else they would stand under other names
+                raise ValueError(f"the learner's diagnostics changed at iteration {i}: {list(row)}, before {columns}")
+            _write_row(progress, row, header=i == 0)
             seconds = time.perf_counter() - start
-            row = {"iteration": i, "seconds": seconds, "physics_seconds": result.physics_seconds}
-            _write_row(timing, row, header=i == 0)
+            clock = {"iteration": i, "seconds": seconds, "physics_seconds": result.physics_seconds}
+            _write_row(timing, clock, header=i == 0)
             report(i + 1)
             if time.monotonic() - last_checkpoint > CHECKPOINT_SECONDS:
                 progress.flush()
