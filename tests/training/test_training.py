@@ -296,3 +296,17 @@ def test_mistakes_in_the_second_stage_are_told_before_anything_runs(refine, mess
 def test_basis_functions_do_not_go_with_rewards_of_single_steps():
     with pytest.raises(UserError, match=r"algorithm\.basis: continuous_step learns from the rewards of single steps"):
         runs("cases=[continuous_step]", "algorithm.basis=5")
+
+
+@pytest.mark.parametrize("unit", [1e-3, 40.0, 1e3])
+def test_with_normalised_predicates_the_unit_of_one_leaves_the_learned_policy_the_same(tmp_path, unit):
+    text = "signal ee[2]\nconst c = 1\nspec: F c * distance(ee, (1.5, 1)) < c * 0.2 & G ee.y > 0.1\n"
+    means = []
+    for c in (1.0, unit):
+        (tmp_path / "task.tltl").write_text(text)
+        overrides = (f"spec={tmp_path / 'task.tltl'}", f"+constants.c={c}", "algorithm.normalise=true")
+        run = runs("cases=[tltl_episodic]", *overrides)["tltl_episodic"]
+        train(run, tmp_path / str(c), lambda _: None)
+        means.append(learned_policy(tmp_path / str(c)).mean)
+        assert json.loads((tmp_path / str(c) / "done.json").read_text())["robustness_policy"] < -0.01  # in own units
+    np.testing.assert_allclose(means[1], means[0], atol=1e-6)

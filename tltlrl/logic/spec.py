@@ -1,5 +1,6 @@
 """`Spec`: a formula with its signals and constants, ready to be evaluated on batches of trajectories."""
 
+import copy
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from numbers import Real
@@ -15,6 +16,7 @@ from tltlrl.logic.declarations import Value
 from tltlrl.logic.errors import Source, Span, SpecError, TraceError
 from tltlrl.logic.explain import Explanation, explain
 from tltlrl.logic.graph import Array
+from tltlrl.logic.normalise import divided, predicates, spreads
 from tltlrl.logic.parser import parse
 from tltlrl.logic.resolve import Meaning, Region, resolve
 from tltlrl.logic.semantics import Plan, Signals, plan
@@ -218,6 +220,18 @@ class Spec:
         nodes = {name: truth.node for name, (truth, _) in self._meaning.definitions.items()}
         values = self._over_time(batch, tuple(dict.fromkeys(nodes.values())))
         return {name: values[node] for name, node in nodes.items()}
+
+    def normalised(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> "Spec":
+        """The same spec with every predicate divided by its spread over these trajectories (tltlrl.logic.normalise).
+
+        Its verdicts are this one's; its values have no unit. It is for `robustness` and `clauses`, to learn from.
+        """
+        places = predicates(self._meaning.formula)
+        margins = self._over_time(self._batch(signals, lengths), tuple(places))
+        result = copy.copy(self)
+        result._meaning = divided(self._meaning, spreads(places, margins))
+        result._plan = lru_cache(maxsize=16)(result._make_plan)
+        return result
 
     def explain(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> tuple[Explanation, ...]:
         """What decides each trajectory's value: one Explanation each."""

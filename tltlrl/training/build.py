@@ -35,12 +35,40 @@ class Setup:
       simulator: of that task.
       reward: the hand-made reward it is trained on; None for the spec's robustness.
       learner: what improves the policy.
+      told: the spec whose values the learner is told: the run's own, or that one with its predicates normalised.
     """
 
     task: Task
     simulator: Simulator
     reward: StepReward | None
     learner: Learner[Any]
+    told: Spec
+
+
+@dataclass(frozen=True)
+class Samples:
+    """What is simulated in one iteration.
+
+    Attributes:
+      policy: that the offsets were drawn from.
+      offsets: of the N samples and, last, those of the mean policy, shape (N + 1, T, d).
+      noise: of the actuators, likewise; none for the mean policy.
+    """
+
+    policy: Policy
+    offsets: Array
+    noise: Array
+
+
+def draw(run: Run, learner: Learner[Any], simulator: Simulator, state: Any, iteration: int) -> Samples:
+    """The samples of an iteration; they depend on its number, the seed and the learner's state alone."""
+    rng = np.random.default_rng([run.seed, iteration])
+    policy = learner.policy(state)
+    offsets = np.concatenate([learner.ask(state, run.algorithm.samples, rng), policy.mean[None]])
+    noise = np.concatenate(
+        [simulator.draw_command_noise(run.algorithm.samples, rng), np.zeros((1, *policy.mean.shape))]
+    )
+    return Samples(policy, offsets, noise)
 
 
 def set_up(run: Run) -> Setup:
@@ -50,7 +78,13 @@ def set_up(run: Run) -> Setup:
       UserError: if the spec lacks what the hand-made reward needs, or the learner's settings do not fit.
     """
     task = make_task(run.task)
-    return Setup(task, Simulator(task), make_reward(run), make_learner(run, run.stage(0)))
+    simulator, learner = Simulator(task), make_learner(run, run.stage(0))
+    told = run.spec
+    if run.algorithm.normalise:
+        drawn = draw(run, learner, simulator, learner.start(first_policy(task, run.algorithm)), 0)
+        motions = simulator.rollout(drawn.policy.gain, drawn.offsets, drawn.noise)
+        told = told.normalised(task.signals(motions.features, motions.commands), motions.lengths)
+    return Setup(task, simulator, make_reward(run), learner, told)
 
 
 def make_task(config: Any) -> Task:

@@ -22,6 +22,7 @@ LATER = {  # than 0.1, with their defaults
     "exploration": {},
     "basis": 0,
     "told": "robustness",
+    "normalise": False,
     "keep": "last",
     "refine": {},
     "batches": 1,
@@ -51,6 +52,10 @@ class AlgorithmConfig:
         "clauses, the worst first",
         "robustness",
         choices=TOLD,
+    )
+    normalise: bool = setting(
+        "divide every predicate by its spread over the first iteration's trajectories, in what the learner is told",
+        False,
     )
     keep: str = setting(
         "the policy that a run ends with: the last, or the best of those whose mean motion was simulated",
