@@ -152,10 +152,10 @@ def open_run(folder: Path) -> tuple[Run, Policy]:
     above = folder.resolve().parent.parent
     advice = "give one like runs/reach_avoid/tltl_episodic/seed_0"
     try:
-        settings = yaml.safe_load((above / CONFIG).read_text())
+        settings = yaml.safe_load((above / CONFIG).read_text(encoding="utf-8"))
         settings["spec"] = str(_spec_copy(above, settings["spec"]))
         policy = learned_policy(folder)
-        (folder / DONE).read_text()
+        (folder / DONE).read_text(encoding="utf-8")
     except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError) as error:
         raise UserError(f"{folder} is not the folder of a finished run ({error}); {advice}") from error
     study, _ = read(settings | machinery_defaults())

@@ -133,14 +133,27 @@ def _detail(curves: pd.DataFrame) -> tuple[float, float] | None:
     return (-DETAIL * best, 1.15 * best) if 0 < NEEDED * best < -worst else None
 
 
+def stem(path: Path) -> Path:
+    """The path of a picture without the suffix of its kind: fig for fig.png, and figure_3.3 for figure_3.3.
+
+    Raises:
+      UserError: if the suffix is that of a kind in which no picture is written.
+    """
+    suffix = path.suffix.lower()
+    if suffix in FORMATS:
+        return path.with_suffix("")
+    if suffix[1:] in Figure().canvas.get_supported_filetypes():
+        raise UserError(f"{path}: pictures are written as {' and '.join(FORMATS)}; give the path without {path.suffix}")
+    return path
+
+
 def save(figure: Figure, path: Path) -> None:
-    """path.png and path.pdf, the same bytes for the same figure; a suffix of these that `path` has is not doubled."""
-    stem = path.with_suffix("") if path.suffix in FORMATS else path
-    stem.parent.mkdir(parents=True, exist_ok=True)
+    """path.png and path.pdf, the same bytes for the same figure."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     for suffix, metadata in FORMATS.items():
         buffer = io.BytesIO()
         figure.savefig(buffer, format=suffix[1:], dpi=200, metadata=metadata)
-        write_bytes(stem.with_name(stem.name + suffix), buffer.getvalue())
+        write_bytes(path.with_name(path.name + suffix), buffer.getvalue())
 
 
 def draw_learning_curves(axes: mpl.axes.Axes, curves: pd.DataFrame) -> None:

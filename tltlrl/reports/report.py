@@ -40,7 +40,7 @@ def write_report(
         lines = [f"# {study.name}", "", "No run has finished.", *_failure_lines(failures)]
         write_text(folder / SUMMARY_PAGE, "\n".join(lines) + "\n")
         return
-    write_text(folder / CURVES, joined([(path / PROGRESS).read_text() for path in finished]))
+    write_text(folder / CURVES, joined([(path / PROGRESS).read_text(encoding="utf-8") for path in finished]))
     curves = pd.read_csv(folder / CURVES)
     summary = summarise(curves, finished)
     write_text(folder / SUMMARY, summary.to_csv(index=False, lineterminator="\n"))
