@@ -95,7 +95,7 @@ def mistakes_told(name: str, command: Callable[[], int]) -> int:
     except BrokenPipeError:  # whoever read the output has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except (UserError, MemoryError) as error:
+    except (UserError, MemoryError, FloatingPointError) as error:  # the last: a simulation that diverged
         print(f"{name}: {error}", file=sys.stderr)
     except OSError as error:
         where = f"{error.filename}: " if error.filename is not None else ""

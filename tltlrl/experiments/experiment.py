@@ -28,7 +28,7 @@ from tltlrl.store import layout
 from tltlrl.store.files import clear_leftovers, digest, write_json, write_text
 from tltlrl.store.layout import CONFIG, DONE, LOG, MANIFEST, POLICY, SPECS, WORKSPACE
 from tltlrl.store.run import DamagedError, drop_checkpoint, read_checkpoint, read_results
-from tltlrl.training.build import make_task
+from tltlrl.training.build import cut_windows, make_task
 from tltlrl.training.session import learned_policy
 from tltlrl.training.study import Run, Study
 
@@ -61,6 +61,8 @@ def run_experiment(study: Study, machinery: Machinery, command: list[str]) -> bo
         before = read_manifest(folder / MANIFEST)
         if done and before is None:
             notes.append(f"{MANIFEST} was missing or damaged: who computed what is kept is not known any more")
+        if missing and (note := cut_windows(study)):
+            notes.append(note)
         if missing or before is None:  # otherwise nothing here is of this session, and the manifest stays as it is
             session = start_session(command)
             write_json(folder / MANIFEST, manifest(study, before, session))
