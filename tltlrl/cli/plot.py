@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
 
-from tltlrl.reports.plotting import FORMATS, plot_learning_curves, read_curves, stem
+from tltlrl.reports.plotting import FORMATS, plot_learning_curves, read_curves, stem, titled
 from tltlrl.resources import user_path
 from tltlrl.store.layout import FIGURE
 
@@ -26,6 +26,7 @@ def run(arguments: Namespace) -> int:
       UserError: if an experiment's CSV file cannot be read, or a picture of another kind is wanted.
     """
     output = stem(arguments.output or arguments.experiments[0] / FIGURE)
-    plot_learning_curves([read_curves(folder) for folder in arguments.experiments], output)
+    experiments = [read_curves(folder) for folder in arguments.experiments]
+    plot_learning_curves(titled(arguments.experiments, experiments), output)
     print(", ".join(f"{output}{suffix}" for suffix in FORMATS))
     return 0

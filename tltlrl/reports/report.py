@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +11,10 @@ import pandas as pd
 from scipy.stats import binomtest
 
 from tltlrl.logic.reasons import from_json, merge
-from tltlrl.reports.plotting import FORMATS, plot_learning_curves
+from tltlrl.reports.plotting import FORMATS, plot_learning_curves, titled
 from tltlrl.store.files import write_text
 from tltlrl.store.layout import CURVES, FIGURE, PROGRESS, REPORT, SUMMARY, SUMMARY_PAGE, WORKSPACE, run_of
+from tltlrl.store.run import joined
 from tltlrl.tasks.task import Task
 from tltlrl.training.build import make_task
 from tltlrl.training.study import Study
@@ -46,18 +45,7 @@ def write_report(
     write_text(folder / SUMMARY, summary.to_csv(index=False, lineterminator="\n"))
     write_text(folder / SUMMARY_PAGE, summary_page(study, summary, failures))
     write_text(folder / REPORT, report_page(study, summary, finished, failures))
-    plot_learning_curves([curves], folder / FIGURE)
-
-
-def joined(tables: Sequence[str]) -> str:
-    """CSV texts as one: a column that some do not have, as another learner's diagnostics, is empty in their rows."""
-    rows = [row for table in tables for row in csv.DictReader(io.StringIO(table))]
-    columns = dict.fromkeys(name for table in tables for name in table.split("\n", 1)[0].split(","))
-    text = io.StringIO()
-    writer = csv.DictWriter(text, columns, restval="", lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()
+    plot_learning_curves(titled([folder], [curves]), folder / FIGURE)
 
 
 def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) -> pd.DataFrame:
