@@ -163,6 +163,15 @@ def going_on(folder: Path) -> list[Path]:
     return begun if any(not (run / DONE).exists() for run in begun) else []
 
 
+def robustness_so_far(folder: Path) -> float | None:
+    """Of the mean policy, in the last row that the run has written; None if it has written none."""
+    try:
+        rows = list(csv.DictReader(io.StringIO(whole_lines(folder / PROGRESS))))
+        return float(rows[-1]["robustness_policy"])
+    except (OSError, ValueError, KeyError, IndexError):
+        return None
+
+
 def whole_lines(path: Path) -> str:
     """A CSV file that may just be written to, without the line that is not whole yet."""
     text, end, _ = path.read_text(encoding="utf-8").rpartition("\n")
