@@ -18,6 +18,7 @@ from tltlrl.logic.explain import Explanation, explain
 from tltlrl.logic.graph import Array
 from tltlrl.logic.normalise import divided, predicates, spreads
 from tltlrl.logic.parser import parse
+from tltlrl.logic.reach import beyond
 from tltlrl.logic.resolve import Meaning, Region, resolve
 from tltlrl.logic.semantics import Plan, Signals, plan
 
@@ -239,6 +240,28 @@ class Spec:
         named = (truth.node for truth, _ in self._meaning.definitions.values())
         self._over_time(batch, tuple({self._meaning.root, *named}))  # finds expressions without a finite value
         return tuple(explain(self._meaning, self._source.name, batch.single(row)) for row in range(batch.count))
+
+    def check_length(self, signals: Mapping[str, ArrayLike]) -> None:
+        """Whether trajectories of this length can satisfy and violate every part of the formula.
+
+        Args:
+          signals: of any one trajectory of the length, arrays of shape (1, T) or (1, T, d).
+
+        Raises:
+          SpecError: at the innermost part whose windows lie beyond the end.
+        """
+        batch = self._batch(signals, None)
+        if (found := beyond(self._meaning, batch.single(0))) is None:
+            return
+        part, value = found
+        assert part.span is not None
+        raise SpecError(
+            self._source,
+            part.span,
+            f"{'every' if value > 0 else 'no'} trajectory of {batch.steps} samples satisfies this, whatever it does; "
+            f"expected windows that begin by the last sample, step {batch.steps - 1}; lower the bounds, or make the "
+            "episode longer",
+        )
 
     def clauses(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> dict[str, Array]:
         """The robustness of each top-level clause on each whole trajectory: text to (N,), in the order of the text.
