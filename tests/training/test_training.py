@@ -57,7 +57,7 @@ def test_every_cases_robustness_is_of_its_own_samples_by_the_same_spec(cases):
     for run in cases.values():
         setup, policy, _, signals = by_hand(run)
         robustness = run.spec.robustness(signals)
-        record = iterate(run, setup, policy, 0).record
+        record = iterate(run, setup, setup.learner.start(policy), 0).record
         np.testing.assert_allclose(record["robustness_mean"], robustness.mean(), atol=1e-9)
         np.testing.assert_allclose(record["robustness_std"], robustness.std(), atol=1e-9)
         np.testing.assert_allclose(record["robustness_min"], robustness.min(), atol=1e-9)
@@ -68,7 +68,7 @@ def test_every_cases_robustness_is_of_its_own_samples_by_the_same_spec(cases):
 def test_each_case_learns_from_its_own_reward(cases):
     for name, run in cases.items():
         setup, policy, offsets, signals = by_hand(run)
-        result = iterate(run, setup, policy, 0)
+        result = iterate(run, setup, setup.learner.start(policy), 0)
         if run.case.reward == "tltl":
             returns = run.spec.robustness(signals)
         else:
@@ -86,7 +86,7 @@ def test_the_policys_robustness_is_that_of_the_noise_free_mean(cases):
     setup, policy, _, _ = by_hand(run)
     motion = setup.simulator.rollout(policy.gain, policy.mean[None], np.zeros((1, 30, 3)))
     expected = run.spec.robustness(setup.task.signals(motion.features, motion.commands))[0]
-    record = iterate(run, setup, policy, 0).record
+    record = iterate(run, setup, setup.learner.start(policy), 0).record
     np.testing.assert_allclose(record["robustness_policy"], expected, atol=1e-9)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tltlrl.errors import nearest
+from tltlrl.logic import syntax
 from tltlrl.logic.declarations import Value
 from tltlrl.logic.errors import Source, Span, SpecError, TraceError
 from tltlrl.logic.explain import Explanation, explain
@@ -258,6 +259,20 @@ class Spec:
         named = (truth.node for truth, _ in self._meaning.definitions.values())
         self._over_time(batch, tuple({self._meaning.root, *named}))  # finds expressions without a finite value
         return tuple(explain(self._meaning, self._source.name, batch.single(row)) for row in range(batch.count))
+
+    def clauses(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> dict[str, Array]:
+        """The robustness of each top-level clause on each whole trajectory: text to (N,), in the order of the text.
+
+        The clauses are the operands of the conjunction that the formula is, or the formula itself: the smallest of
+        their values is the robustness.
+        """
+        formula, written = self._meaning.formula, self._meaning.document.formula
+        parts, operands = (
+            (formula.parts, written.operands) if isinstance(written, syntax.And) else ((formula,), (written,))
+        )
+        batch = self._batch(signals, lengths)
+        values = self._over_time(batch, tuple(dict.fromkeys(part.node for part in parts)))
+        return {str(operand): values[part.node][:, 0] for operand, part in zip(operands, parts, strict=True)}
 
     def _make_plan(self, roots: tuple[int, ...], end: int, first: bool) -> Plan:
         return plan(self._meaning.graph, dict.fromkeys(roots, (0, 1) if first else (0, end)), end)

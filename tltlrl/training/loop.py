@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tltlrl.learning.learner import Scores
+from tltlrl.learning.scores import Scores, leximin
 from tltlrl.tasks.task import Signals, StepReward
 from tltlrl.training.build import Setup
 from tltlrl.training.study import Run
@@ -57,7 +57,12 @@ def iterate(run: Run, setup: Setup, state: Any, iteration: int) -> Iteration:
     signals = setup.task.signals(trajectories.features, trajectories.commands)
     robustness = run.spec.robustness(signals, trajectories.lengths)
     sampled, of_policy = robustness[:samples], robustness[samples]
-    scores = score(setup.reward, {name: values[:samples] for name, values in signals.items()}, sampled)
+    sample_signals = {name: values[:samples] for name, values in signals.items()}
+    told = sampled
+    if setup.reward is None and run.algorithm.told == "leximin":
+        clauses = run.spec.clauses(sample_signals, trajectories.lengths[:samples])
+        told = leximin(np.stack(list(clauses.values()), axis=1))
+    scores = score(setup.reward, sample_signals, told)
     following, diagnostics = learner.tell(state, offsets[:samples], scores)
     record = {
         "return_mean": scores.returns.mean(),
@@ -72,18 +77,18 @@ def iterate(run: Run, setup: Setup, state: Any, iteration: int) -> Iteration:
     return Iteration(following, {name: float(value) for name, value in record.items()}, env_steps, physics_seconds)
 
 
-def score(reward: StepReward | None, signals: Signals, robustness: Array) -> Scores:
+def score(reward: StepReward | None, signals: Signals, told: Array) -> Scores:
     """What the learner is told, in the reward's own units.
 
     After an early end a hand-made reward goes on as at the last sample (an absorbing state): otherwise an episode
     that ends early would be spared its costs.
 
     Args:
-      reward: the hand-made one; None to learn from the robustness.
+      reward: the hand-made one; None to learn from the spec.
       signals: of the sampled trajectories, shapes (N, T) and (N, T, k).
-      robustness: of the spec on them, shape (N,).
+      told: what is told of the spec on them, shape (N,).
     """
     if reward is None:
-        return Scores(robustness)
+        return Scores(told)
     rewards, _ = reward(signals)
     return Scores(rewards.sum(axis=1), rewards)
