@@ -10,6 +10,10 @@ from scipy.stats import binomtest
 from tltlrl.errors import UserError
 from tltlrl.experiments.experiment import open_run
 from tltlrl.resources import user_path
+from tltlrl.simulation.motion import MEASURES, measures
+from tltlrl.simulation.rollout import Simulator
+from tltlrl.simulation.trials import mean_motion
+from tltlrl.training.build import make_task
 from tltlrl.training.study import MOST_TRIALS
 from tltlrl.training.verdict import try_policy
 
@@ -41,4 +45,11 @@ def run(arguments: Namespace) -> int:
             f"{name} rate {count}/{arguments.trials} = {count / arguments.trials:.2f} "
             f"(95 % Wilson interval {interval.low:.2f} to {interval.high:.2f})"
         )
+    task = make_task(run.task)
+    simulator = Simulator(task)
+    found = measures(task, run.spec, mean_motion(simulator, policy), simulator.command_range)
+    print("the noise-free motion of the mean policy:")
+    for name, value in found.items():
+        if value is not None:
+            print(f"  {name:<20} {value:8.3f}  {MEASURES[name]}")
     return 0
