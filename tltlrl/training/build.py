@@ -189,8 +189,7 @@ def check(study: Study) -> None:
     task = make_task(study.task)
     for run in first.values():
         for stage in filter(None, (run.stage(0), run.refine)):
-            make_learner(run, stage)
-            first_policy(task, stage.algorithm)
+            make_learner(run, stage).start(first_policy(task, stage.algorithm))
         make_reward(run)
     _check_signals(study.spec, task)
     Simulator(task)
