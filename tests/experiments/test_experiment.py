@@ -4,8 +4,10 @@ import pytest
 import yaml
 
 from tltlrl.config.compose import compose
+from tltlrl.config.keys import machinery_defaults
 from tltlrl.config.read import read
 from tltlrl.experiments.experiment import changes, run_experiment, with_seeds
+from tltlrl.training.study import LATER, with_later
 
 
 def study(*overrides):
@@ -32,6 +34,16 @@ def test_a_setting_that_a_learner_must_have_had_is_missed():
     assert changes(damaged, before) == "  algorithm.caution: absent there, 0.5 now"
     for nonsense in (None, 3.5, {}):
         assert "  cases: " in changes(dict(before.settings) | {"cases": nonsense}, before)
+
+
+def test_results_of_before_a_setting_was_added_are_read_and_gone_on_from():
+    now = read(compose(["experiment=reach_avoid"]))[0]
+    old = {**now.settings, "algorithm": {k: v for k, v in now.settings["algorithm"].items() if k not in LATER}}
+    assert changes(old, now) == ""
+    again, _ = read(with_later(old) | machinery_defaults())
+    assert [run.identity() for run in again.runs()] == [run.identity() for run in now.runs()]
+    changed = read(compose(["experiment=reach_avoid", "algorithm.keep=best"]))[0]
+    assert changes(old, changed) == "  algorithm.keep: last there, best now"
 
 
 @pytest.mark.parametrize(

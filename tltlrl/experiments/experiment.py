@@ -30,7 +30,7 @@ from tltlrl.store.layout import CONFIG, DONE, LOG, MANIFEST, POLICY, SPECS, WORK
 from tltlrl.store.run import DamagedError, read_checkpoint, read_results, robustness_so_far, shelve_checkpoint
 from tltlrl.training.build import cut_windows, make_task
 from tltlrl.training.session import learned_policy, shorter_run
-from tltlrl.training.study import Run, Study
+from tltlrl.training.study import Run, Study, with_later
 
 ITERATIONS = "algorithm.iterations"  # more of them go on where fewer have ended
 
@@ -173,7 +173,7 @@ def open_run(folder: Path) -> tuple[Run, Policy]:
         (folder / DONE).read_text(encoding="utf-8")
     except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError) as error:
         raise UserError(f"{folder} is not the folder of a finished run ({error}); {advice}") from error
-    study, _ = read(settings | machinery_defaults())
+    study, _ = read(with_later(settings) | machinery_defaults())
     for run in study.runs():
         if run_folder(above, run) == folder.resolve():
             try:
@@ -281,7 +281,14 @@ def changes(before: Mapping[str, Any], study: Study) -> str:
         if name not in had
     }
     growing = [*having(Role.GROWS), ITERATIONS]
-    return differences({**before, "seeds": study.settings["seeds"]}, study.settings, growing, added)
+    had_then = {**before, "seeds": study.settings["seeds"]}
+    if isinstance(before.get("algorithm"), dict):  # of any version, and perhaps damaged
+        had_then["algorithm"] = {
+            key: value
+            for key, value in with_later(before)["algorithm"].items()
+            if key in before["algorithm"] or key in study.settings["algorithm"]
+        }
+    return differences(had_then, study.settings, growing, added)
 
 
 def _settings_before(folder: Path, known: Mapping[str, Any] | None) -> tuple[dict[str, Any] | None, bool]:
