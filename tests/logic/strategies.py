@@ -23,6 +23,9 @@ numbers = st.recursive(
         inner.map(lambda a: s.Call("abs", (a,))),
         st.tuples(inner, inner).map(lambda pair: s.Call("max", pair)),
         inner.map(lambda a: s.Call("previous", (a,))),
+        st.builds(lambda name, a: s.Call(name, (a,)), st.sampled_from(["sign", "floor"]), inner),
+        st.builds(lambda a: s.Call("mod", (a, s.Number(0.75))), inner),
+        st.builds(lambda a, low: s.Call("clip", (a, constant(low), s.Number(3.0))), inner, quarters),
     ),
     max_leaves=2,
 )
