@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tltlrl.cli.check import add_parser, check
+from tltlrl.cli.check import add_arguments, check, run
 from tltlrl.cli.main import main
 from tltlrl.errors import UserError
 from tltlrl.logic import SpecError
@@ -33,10 +33,9 @@ def trace(tmp_path):
 
 
 def tltl(*arguments):
-    parser = argparse.ArgumentParser(prog="tltl")
-    add_parser(parser.add_subparsers(required=True), "about")
-    parsed = parser.parse_args(["check", *map(str, arguments)])
-    return parsed.command(parsed)
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    return run(parser.parse_args(list(map(str, arguments))))
 
 
 def test_without_a_trace(capsys):
@@ -369,7 +368,7 @@ def test_a_component_in_both_spellings(trace):
 
 
 def test_what_is_not_there(tmp_path):
-    with pytest.raises(UserError, match=r"none.tltl: the spec cannot be read: No such file"):
+    with pytest.raises(UserError, match=r"no spec file .*none.tltl here or in .*specs; there are: reach_avoid.tltl"):
         check(tmp_path / "none.tltl")
     (tmp_path / "task.tltl").write_text("F G x < 1")
     with pytest.raises(UserError, match=r"none.csv: the trace cannot be read"):

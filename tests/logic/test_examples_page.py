@@ -19,8 +19,8 @@ def test_there_are_twelve():
     assert [title.split(".")[0] for title, _ in EXAMPLES] == [str(i + 1) for i in range(12)]
 
 
-@pytest.mark.parametrize(("title", "blocks"), EXAMPLES, ids=[title for title, _ in EXAMPLES])
-def test_example(title, blocks, tmp_path, capsys):
+@pytest.mark.parametrize("blocks", [pytest.param(blocks, id=title) for title, blocks in EXAMPLES])
+def test_example(blocks, tmp_path, capsys):
     spec, *traces = blocks
     assert parse_spec(str(parse_spec(spec))) == parse_spec(spec)
     (tmp_path / "task.tltl").write_text(spec)

@@ -113,6 +113,18 @@ def test_arithmetic():
     assert parse_spec(text).robustness_over_time({"p": p, "v": v}) == pytest.approx(far + e + f)
 
 
+def test_whether_a_region_is_to_be_in_comes_from_the_formula():
+    spec = parse_spec(
+        "signal ee[2]\nconst o = (0, 0)\n"
+        "def in_rock: distance(ee, o) < 0.4\ndef walls: box(ee, o, (1, 1))\ndef far: distance(ee, o) > 2\n"
+        "def goal: ball(ee, (1, 1), 0.2)\ndef free: distance(ee, o) > 0.1\n"
+        "spec: G !in_rock & !(F walls) & G !far & (!goal U in_rock => F goal) & G !(free => F !ball(ee, (4, 4), 1))"
+    )
+    inside = {region.name: region.inside for region in spec.regions}
+    assert inside == {"in_rock": False, "walls": False, "far": True, "goal": True, "free": False, None: True}
+    assert not parse_spec("signal ee[2]\nspec: G !ball(ee, (0, 0), 1) U ee.x > 1").regions[0].inside
+
+
 def test_regions():
     spec = parse_spec(
         "signal ee[2]\nsignal q[2]\nconst c[a] = (1, 2)\nconst c[b] = (3, 4)\nconst r = 0.5\n"

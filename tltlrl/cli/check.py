@@ -3,7 +3,7 @@
 import json
 import math
 import sys
-from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
+from argparse import ArgumentParser, Namespace
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TextIO
@@ -14,6 +14,7 @@ from tltlrl.errors import UserError
 from tltlrl.logic import Explanation, Spec, load_spec
 from tltlrl.logic.trace import Arrays, Recording, columns, read_recording
 from tltlrl.logic.traps import unequal_scales
+from tltlrl.resources import spec_path, user_path
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 PICTURES = (".png", ".pdf", ".svg")
@@ -32,17 +33,11 @@ apart samples are.
 """
 
 
-def add_parser(subparsers: Any, about: str) -> None:
-    """Add the sub-command `check` to a parser's sub-commands; `command(arguments)` of its result does the work."""
-    parser: ArgumentParser = subparsers.add_parser(
-        "check",
-        help=about,
-        description=__doc__,
-        epilog=EXIT_CODES,
-        formatter_class=RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("spec", metavar="SPEC", help="a .tltl file")
-    parser.add_argument("trace", metavar="TRACE.csv", nargs="?", help="one recorded trajectory")
+def add_arguments(parser: ArgumentParser) -> None:
+    """Adds the arguments of `tltl check`."""
+    parser.epilog = EXIT_CODES
+    parser.add_argument("spec", metavar="SPEC", help="a .tltl file: a path of your own, or one that comes with tltlrl")
+    parser.add_argument("trace", metavar="TRACE.csv", nargs="?", type=user_path, help="one recorded trajectory")
     parser.add_argument(
         "--set",
         metavar="NAME=VALUE",
@@ -57,12 +52,16 @@ def add_parser(subparsers: Any, about: str) -> None:
         default=[],
         help="columns of a signal that have other names: ee=pose.x,pose.y; may be repeated",
     )
-    parser.add_argument("--plot", metavar="FILE", help="draw signals and sub-formulas over time (.png, .pdf, .svg)")
-    parser.set_defaults(command=run)
+    parser.add_argument(
+        "--plot",
+        metavar="FILE",
+        type=user_path,
+        help=f"draw signals and sub-formulas over time ({', '.join(PICTURES)})",
+    )
 
 
 def run(arguments: Namespace) -> int:
-    """The sub-command; returns its exit code.
+    """The command; returns its exit code.
 
     Raises:
       UserError: for exit code 2.
@@ -77,7 +76,7 @@ def run(arguments: Namespace) -> int:
 
 
 def check(
-    spec_path: str | Path,
+    path: str | Path,
     trace_path: str | Path | None = None,
     constants: Mapping[str, object] | None = None,
     plot: str | Path | None = None,
@@ -87,7 +86,7 @@ def check(
     """Checks a spec and, if given, a trace.
 
     Args:
-      spec_path: of a .tltl file.
+      path: of a .tltl file, as for `read_spec`.
       trace_path: of a CSV or NPZ file.
       constants: in place of the spec's own.
       plot: where to draw the trace, if anywhere.
@@ -103,14 +102,7 @@ def check(
     out = out or sys.stdout
     if plot is not None:
         _check_picture(Path(plot), trace_path)
-    if Path(spec_path).is_char_device():
-        raise UserError(f"{spec_path}: the spec is a device; expected a file; give the path of a .tltl file")
-    try:
-        spec = load_spec(spec_path, constants)
-    except OSError as error:
-        raise UserError(
-            f"{spec_path}: the spec cannot be read: {error.strerror}; give the path of a .tltl file"
-        ) from None
+    spec = read_spec(str(path), constants)
     if trace_path is None:
         print(described(spec), file=out)
         return 0
@@ -128,6 +120,21 @@ def check(
         draw(spec, signals, why, plot)
         print(f"picture      {plot}", file=out)
     return 0 if why.satisfied else 1
+
+
+def read_spec(name: str, constants: Mapping[str, object] | None = None) -> Spec:
+    """The spec of a user's own file or, where there is none at that path, the one of that name shipped with tltlrl.
+
+    Raises:
+      UserError: if there is none, or it cannot be read.
+    """
+    path = user_path(name)
+    if path.is_char_device():
+        raise UserError(f"{name}: the spec is a device; expected a file; give the path of a .tltl file")
+    try:
+        return load_spec(path if path.exists() else spec_path(name), constants)
+    except OSError as error:
+        raise UserError(f"{name}: the spec cannot be read: {error.strerror}; give the path of a .tltl file") from None
 
 
 def as_sampled(spec: Spec, recording: Recording | Arrays) -> Spec:

@@ -278,7 +278,7 @@ TABLE: tuple[tuple[Condition, Advice], ...] = (
         lambda s: s.declaration_wanted and s.within == "signal" and s.kind == "LSQB",
         lambda _: (
             "expected the next declaration; a signal is one number or one vector: declare several, "
-            "as 'signal a[2] signal b[2]'"
+            "as 'signal a[2] signal b[2]', or a family, as 'signal a[i in 1..3][2]'"
         ),
     ),
     (

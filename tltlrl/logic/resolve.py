@@ -75,6 +75,7 @@ class Truth:
     data: tuple[object, ...] = ()
     predicate: Predicate | None = None
     name: str | None = None  # of the named sub-formula that it is
+    span: Span | None = None  # None for what is only a part of an operator's meaning
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,8 +83,9 @@ class Region:
     """A ball or box of constant size and place that a formula speaks of, for pictures of the workspace.
 
     `name` is the named sub-formula that holds it (None in the spec's own line), `signal` the vector signal
-    it is about (None when it is about an expression), `inside` whether the predicate holds inside (outside in
-    distance(...) > radius). A ball has `centre` and `radius`, a box `lower` and `upper`.
+    it is about (None when it is about an expression), `inside` whether the formula ever asks to be in it, and not
+    only to keep out (as in distance(...) > radius, or under a negation). A ball has `centre` and `radius`, a box
+    `lower` and `upper`.
     """
 
     name: str | None
@@ -232,7 +234,7 @@ class _Resolver:
         self.graph = Graph()
         self.results: dict[tuple[str, str | None], Expression | Truth] = {}
         self.places: dict[int, Predicate] = {}
-        self.regions: list[Region] = []
+        self.regions: list[tuple[Region, int]] = []  # each with the node of its predicate
         self.distances: dict[int, tuple[Node, tuple[float, ...]]] = {}  # of a point from a fixed one
         self.within: str | None = None  # the named sub-formula being read
         self.timed: Span | None = None
@@ -274,6 +276,11 @@ class _Resolver:
             for title in [_title(name, label)]
         ]
         titles: list[str | None] = [title for title, *_ in order] + [None]
+        asked = _asked(formula)
+        regions = [
+            replace(region, inside=(node, region.inside) in asked)  # asked for inside, or its opposite for outside
+            for region, node in self.regions
+        ]
         return Meaning(
             self.declared.document,
             self.graph,
@@ -292,7 +299,7 @@ class _Resolver:
             self.declared.period,
             frozenset(name for name, _ in self.declared.durations),
             self.timed,
-            tuple(dict.fromkeys(r for title in titles for r in self.regions if r.name == title)),
+            tuple(dict.fromkeys(r for title in titles for r in regions if r.name == title)),
         )
 
     def add_constants(self) -> None:
@@ -683,10 +690,11 @@ class _Resolver:
             if size <= 0:
                 raise self.error(radius_node, f"the radius is {size:g}; expected a positive number; correct it")
             far = self._distance(node, scope, (point, centre_node))
+            truth = self._predicate(node, self.fold(node, "subtract", radius.components[0], far), scope)
             if values[0].dimension is not None and self._is_fixed(values[1]):
                 centre = self.fixed(centre_node, values[1], "ball")
-                self._remember(_as_read(point, scope), "ball", True, centre=centre, radius=size)
-            return self._predicate(node, self.fold(node, "subtract", radius.components[0], far), scope)
+                self._remember(truth, _as_read(point, scope), "ball", True, centre=centre, radius=size)
+            return truth
         x, low, high = self.same((point, *rest), scope, "a box and its points lie in one space")
         if is_still := self._is_fixed(low) and self._is_fixed(high):
             lower, upper = self.fixed(rest[0], low, "box"), self.fixed(rest[1], high, "box")
@@ -702,13 +710,14 @@ class _Resolver:
             for c, a, b in zip(x.components, low.components, high.components, strict=True)
             for pair in ((c, a), (b, c))
         ]
+        truth = self._predicate(node, self.fold(node, "minimum", *faces), scope)
         if x.dimension is not None and is_still:
-            self._remember(_as_read(point, scope), "box", True, lower=lower, upper=upper)
-        return self._predicate(node, self.fold(node, "minimum", *faces), scope)
+            self._remember(truth, _as_read(point, scope), "box", True, lower=lower, upper=upper)
+        return truth
 
-    def _remember(self, point: Node, kind: str, inside: bool, **shape: Any) -> None:
+    def _remember(self, predicate: Truth, point: Node, kind: str, inside: bool, **shape: Any) -> None:
         signal = str(point) if str(point) in self.declared.signals else None
-        self.regions.append(Region(self.within, kind, signal, inside, **shape))
+        self.regions.append((Region(self.within, kind, signal, inside, **shape), predicate.node))
 
     # Formulas
 
@@ -721,7 +730,7 @@ class _Resolver:
             if result.dimension is not None:
                 advice = f"compare a component or the length, as in norm({node}) < 1"
             raise self.error(node, f"found {_shape(result)}; expected a formula; {elsewhere(str(node)) or advice}")
-        return result
+        return result if result.span else replace(result, span=node.span)
 
     def _predicate(self, node: Node, number: int, scope: Scope) -> Truth:
         if self.graph.ops[number].name == "constant":
@@ -744,7 +753,7 @@ class _Resolver:
                     point, centre = self.distances[values[near]]
                     radius = self.graph.constant(values[far])
                     if radius > 0:
-                        self._remember(point, "ball", near == small, centre=centre, radius=radius)
+                        self._remember(links[-1], point, "ball", near == small, centre=centre, radius=radius)
         return links[0] if len(links) == 1 else self._operation("minimum", *links)
 
     def _operation(self, name: str, *parts: Truth, data: tuple[object, ...] = ()) -> Truth:
@@ -981,6 +990,21 @@ class _Resolver:
                 f"samples; write {below} or {above}",
             )
         return whole
+
+
+def _asked(formula: Truth) -> set[tuple[int, bool]]:
+    """The node of every predicate, and whether the formula asks for it; for its opposite, or both, where it stands so.
+
+    It does under an even number of negations, since every other operation rises with its parts.
+    """
+    found: set[tuple[Truth, bool]] = set()
+    stack = [(formula, True)]
+    while stack:
+        part, wanted = stack.pop()
+        if (part, wanted) not in found:
+            found.add((part, wanted))
+            stack += [(below, wanted != (part.operation == "negative")) for below in part.parts]
+    return {(part.node, wanted) for part, wanted in found if part.predicate is not None}
 
 
 def _as_read(node: Node, scope: Scope) -> Node:

@@ -1,5 +1,6 @@
 """`Spec`: a formula with its signals and constants, ready to be evaluated on batches of trajectories."""
 
+import copy
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from numbers import Real
@@ -15,7 +16,9 @@ from tltlrl.logic.declarations import Value
 from tltlrl.logic.errors import Source, Span, SpecError, TraceError
 from tltlrl.logic.explain import Explanation, explain
 from tltlrl.logic.graph import BEGUN, Array
+from tltlrl.logic.normalise import divided, predicates, spreads
 from tltlrl.logic.parser import parse
+from tltlrl.logic.reach import beyond
 from tltlrl.logic.resolve import Meaning, Region, resolve
 from tltlrl.logic.semantics import Plan, Signals, plan
 from tltlrl.logic.traps import Trap, traps
@@ -244,6 +247,18 @@ class Spec:
         values = self._over_time(batch, tuple(dict.fromkeys(nodes.values())))
         return {name: values[node] for name, node in nodes.items()}
 
+    def normalised(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> "Spec":
+        """The same spec with every predicate divided by its spread over these trajectories (tltlrl.logic.normalise).
+
+        Its verdicts are this one's; its values have no unit. It is for `robustness` and `clauses`, to learn from.
+        """
+        places = predicates(self._meaning.formula)
+        margins = self._over_time(self._batch(signals, lengths), tuple(places))
+        result = copy.copy(self)
+        result._meaning = divided(self._meaning, spreads(places, margins))
+        result._plan = lru_cache(maxsize=16)(result._make_plan)
+        return result
+
     def predicates_over_time(
         self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None
     ) -> dict[str, Array]:
@@ -259,6 +274,28 @@ class Spec:
         named = (truth.node for truth, _ in self._meaning.definitions.values())
         self._over_time(batch, tuple({self._meaning.root, *named}))  # finds expressions without a finite value
         return tuple(explain(self._meaning, self._source.name, batch.single(row)) for row in range(batch.count))
+
+    def check_length(self, signals: Mapping[str, ArrayLike]) -> None:
+        """Whether trajectories of this length can satisfy and violate every part of the formula.
+
+        Args:
+          signals: of any one trajectory of the length, arrays of shape (1, T) or (1, T, d).
+
+        Raises:
+          SpecError: at the innermost part whose windows lie beyond the end.
+        """
+        batch = self._batch(signals, None)
+        if (found := beyond(self._meaning, batch.single(0))) is None:
+            return
+        part, value = found
+        assert part.span is not None
+        raise SpecError(
+            self._source,
+            part.span,
+            f"{'every' if value > 0 else 'no'} trajectory of {batch.steps} samples satisfies this, whatever it does; "
+            f"expected windows that begin by the last sample, step {batch.steps - 1}; lower the bounds, or make the "
+            "episode longer",
+        )
 
     def clauses(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> dict[str, Array]:
         """The robustness of each top-level clause on each whole trajectory: text to (N,), in the order of the text.

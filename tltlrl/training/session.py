@@ -5,8 +5,10 @@ from __future__ import annotations
 import contextlib
 import csv
 import dataclasses
+import math
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -32,10 +34,30 @@ from tltlrl.store.run import (
 from tltlrl.training.build import first_policy, make_learner, refined_policy, set_up
 from tltlrl.training.loop import iterate
 from tltlrl.training.study import Run
-from tltlrl.training.verdict import judge
+from tltlrl.training.verdict import judge, robustness_of
 
 CHECKPOINT_SECONDS = 2.0
 LOCK_SECONDS = 10.0  # a worker whose command was killed ends within a few
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a run stands, which is what its checkpoint holds.
+
+    Attributes:
+      state: the learner's.
+      best: the policy whose mean motion was the best of those that were simulated; the first one before any was.
+      robustness: of that motion.
+    """
+
+    state: Any
+    best: Policy
+    robustness: float
+
+    def seen(self, policy: Policy, robustness: float) -> Progress:
+        """After the mean motion of a policy was simulated; of two that are equal the newer one is the best."""
+        better = robustness >= self.robustness
+        return Progress(self.state, policy if better else self.best, robustness if better else self.robustness)
 
 
 def train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
@@ -70,7 +92,10 @@ def _train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
     def learner_after(iterations: int) -> Learner[Any]:
         return make_learner(run, run.stage(max(iterations - 1, 0)))
 
-    first, env_steps, state = resume(folder, identity, lambda iterations: learner_after(iterations).start(start))
+    def like(iterations: int) -> Progress:
+        return Progress(learner_after(iterations).start(start), start, -math.inf)
+
+    first, env_steps, stands = resume(folder, identity, like)
     setup = dataclasses.replace(setup, learner=learner_after(first))
     same = {
         "task": setup.task.name,
@@ -79,24 +104,27 @@ def _train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
         "algorithm": run.case.learner,
         "seed": run.seed,
     }
-    columns = (folder / PROGRESS).read_text().split("\n", 1)[0].split(",") if first else None
+    columns = (folder / PROGRESS).read_text(encoding="utf-8").split("\n", 1)[0].split(",") if first else None
     last_checkpoint = time.monotonic()
     with (
         naming(folder / PROGRESS),
-        open(folder / PROGRESS, "a", newline="") as progress,
-        open(folder / TIMING, "a", newline="") as timing,
+        open(folder / PROGRESS, "a", newline="", encoding="utf-8") as progress,
+        open(folder / TIMING, "a", newline="", encoding="utf-8") as timing,
     ):
         for i in range(first, run.algorithm.iterations):
             clock = time.perf_counter()
             if run.refine is not None and i == run.refine.first:
-                refined = refined_policy(setup, setup.learner.policy(state), run.refine.algorithm)
+                refined = refined_policy(setup, setup.learner.policy(stands.state), run.refine.algorithm)
                 setup = dataclasses.replace(setup, learner=make_learner(run, run.refine))
-                state = setup.learner.start(refined)
-            result = iterate(run, setup, state, i)
-            state = result.state
+                stands = dataclasses.replace(stands, state=setup.learner.start(refined))
+            result = iterate(run, setup, stands.state, i)
+            stands = stands.seen(setup.learner.policy(stands.state), result.record["robustness_policy"])
+            stands = dataclasses.replace(stands, state=result.state)
             env_steps += result.env_steps
             counts = {"iteration": i, "episodes": (i + 1) * run.algorithm.samples, "env_steps": env_steps}
             row = same | counts | result.record
+            if run.algorithm.keep == "best":
+                row["robustness_kept"] = stands.robustness
             columns = columns or list(row)
             if list(row) != columns:  # else they would stand under other names
                 raise ValueError(f"the learner's diagnostics changed at iteration {i}: {list(row)}, before {columns}")
@@ -107,9 +135,11 @@ def _train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
             if time.monotonic() - last_checkpoint > CHECKPOINT_SECONDS:
                 progress.flush()
                 timing.flush()
-                write_checkpoint(folder, identity, Checkpoint(i + 1, env_steps, arrays_of(state)))
+                write_checkpoint(folder, identity, Checkpoint(i + 1, env_steps, arrays_of(stands)))
                 last_checkpoint = time.monotonic()
-    policy = setup.learner.policy(state)
+    policy = setup.learner.policy(stands.state)
+    if run.algorithm.keep == "best":
+        policy = stands.seen(policy, robustness_of(run, setup, policy)).best
     write_results(folder, identity, arrays_of(policy), judge(run, setup, policy))
 
 
@@ -121,7 +151,7 @@ def _write_row(file: TextIO, row: dict[str, Any], header: bool) -> None:
 
 
 def resume(folder: Path, identity: str, like: Callable[[int], Any]) -> tuple[int, int, Any]:
-    """Iterations done, the samples in them and the learner's state; cuts the CSV files back to the checkpoint.
+    """Iterations done, the samples in them and where it stands; cuts the CSV files back to the checkpoint.
 
     Without a checkpoint, or with one that a run cannot be resumed from, the run starts again from its first state.
 

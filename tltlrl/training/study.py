@@ -18,7 +18,15 @@ from tltlrl.settings import check, check_value, setting, settings_of
 from tltlrl.store.files import digest
 
 MOST_SEEDS = MOST_TRIALS = MOST_SAMPLES = 10_000  # more would not fit into memory, and show only after hours
-LATER = {"exploration": {}, "basis": 0, "told": "robustness", "refine": {}, "batches": 1}  # than 0.1, with defaults
+LATER = {  # than 0.1, with their defaults
+    "exploration": {},
+    "basis": 0,
+    "told": "robustness",
+    "normalise": False,
+    "keep": "last",
+    "refine": {},
+    "batches": 1,
+}
 TLTL = "tltl"  # the reward that is the spec's own robustness
 
 
@@ -44,6 +52,15 @@ class AlgorithmConfig:
         "clauses, the worst first",
         "robustness",
         choices=TOLD,
+    )
+    normalise: bool = setting(
+        "divide every predicate by its spread over the first iteration's trajectories, in what the learner is told",
+        False,
+    )
+    keep: str = setting(
+        "the policy that a run ends with: the last, or the best of those whose mean motion was simulated",
+        "last",
+        choices=("last", "best"),
     )
     refine: dict[str, Any] = setting(
         "a second stage about the motion that the first one learned: after (iterations), and any other key of "
