@@ -7,7 +7,6 @@ from strategies import DECLARED, batches, formulas
 
 from tltlrl.logic import parse_spec
 
-
 UNITS = st.floats(-3, 3).map(lambda exponent: 10.0**exponent)
 
 
