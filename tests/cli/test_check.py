@@ -51,7 +51,30 @@ def test_without_a_trace(capsys):
         "             obstacle = {1: (0.3, 2), 2: (-0.6, 0.6)}\n"
         "             obstacle_radius = {1: 0.5, 2: 0.4}\n"
         "horizon      the whole trajectory\n"
+        "warning      18:7: 'F G at_goal' is 'at_goal' at the last sample: nothing is asked of the others; to ask for "
+        "n samples write F G[0,n!] p, for once in each n samples G F[0,n?] p\n"
     )
+
+
+@pytest.mark.parametrize(
+    ("formula", "told"),
+    [
+        ("F[0,5] x < 1", "the formula looks at 6 samples and the trace ends after 2: windows are cut"),
+        (
+            "F x < 1 & F y < 20",
+            "the margins of 'y < 20' reach 25 here, those of 'x < 1' 0.75: min and max compare",
+        ),
+        ("F x < 1 & F y < 2", ""),
+        ("F x < 1 & holds(F y < 20)", ""),
+    ],
+)
+def test_what_is_easily_missed_in_a_trace_is_told(formula, told, tmp_path, capsys):
+    (tmp_path / "task.tltl").write_text(formula)
+    (tmp_path / "trace.csv").write_text("x,y\n0.5,5\n0.25,-5\n")
+    assert tltl(tmp_path / "task.tltl", tmp_path / "trace.csv") == 0
+    out = capsys.readouterr().out
+    assert told in out
+    assert ("warning" in out) == bool(told)
 
 
 @pytest.mark.parametrize("header", ["t,ee.x,ee.y", "t,ee[0],ee[1]", "time , ee.x , ee.y "])
@@ -168,6 +191,17 @@ def test_a_missing_column_among_many_is_told_briefly(tmp_path):
 def test_comments_in_a_trace(text, tmp_path):
     (tmp_path / "trace.csv").write_text(text)
     assert read_recording(tmp_path / "trace.csv").signals({"x": None})["x"].tolist() == [[0.5, 0.75]]
+
+
+@pytest.mark.parametrize("cells", ["True,False,False", "true, false, FALSE", "1,0,0", "1.0,0.0,0"])
+def test_cells_of_true_and_false(cells, tmp_path, capsys):
+    (tmp_path / "task.tltl").write_text("signal pressed: bool\nsignal y\nspec: G (pressed => F[0,1] y > 0)")
+    rows = "".join(f"{cell},{y}\n" for cell, y in zip(cells.split(","), [-1, 0.5, -1], strict=True))
+    (tmp_path / "trace.csv").write_text(f"pressed,y\n{rows}")
+    assert tltl(tmp_path / "task.tltl", tmp_path / "trace.csv") == 0
+    out = capsys.readouterr().out
+    assert "robustness   +0.5\n" in out
+    assert "pressed, true or false" in out
 
 
 def timed(tmp_path, times, spec="F[0 s, 0.1 s] x > 0.5", name="time"):

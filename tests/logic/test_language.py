@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from strategies import formulas
+from strategies import DECLARED, formulas
 
 from tltlrl.logic import SpecError, load_spec, parse_spec
 
@@ -23,7 +23,7 @@ SPECS = sorted((ROOT / "specs").glob("*.tltl"))
 @settings(deadline=None, max_examples=300)
 @given(formulas(8))
 def test_the_text_of_a_formula_parses_back_to_it(f):
-    spec = parse_spec(str(f))
+    spec = parse_spec(DECLARED + str(f))
     assert spec._meaning.document.formula == f
     assert parse_spec(str(spec)) == spec
 

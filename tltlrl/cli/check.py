@@ -13,6 +13,7 @@ import numpy as np
 from tltlrl.errors import UserError
 from tltlrl.logic import Explanation, Spec, load_spec
 from tltlrl.logic.trace import Recording, columns, read_recording
+from tltlrl.logic.traps import unequal_scales
 from tltlrl.resources import spec_path, user_path
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
@@ -95,7 +96,7 @@ def check(
     signals = recording.signals(spec.signals)
     (why,) = spec.explain(signals)
     steps = next(iter(signals.values())).shape[1]
-    print(judged(why, f"{trace_path}, {steps} samples"), file=out)
+    print(judged(why, f"{trace_path}, {steps} samples", warnings(spec, signals)), file=out)
     if plot is not None:
         from tltlrl.reports.trace import draw  # Matplotlib takes longer than the rest of the command
 
@@ -192,6 +193,7 @@ def described(spec: Spec) -> str:
         name: "number" if d is None else f"vector of {d}: columns {', '.join(columns(name, d))}"
         for name, d in spec.signals.items()
     }
+    kinds |= dict.fromkeys(spec.booleans, "true or false")
     sections = [
         ("spec", [str(spec.path)]),
         ("formula", [spec.formula]),
@@ -203,6 +205,7 @@ def described(spec: Spec) -> str:
         ),
         ("period", [] if spec.period is None else [f"{spec.period:.12g} s"]),
         ("horizon", [_horizon(spec)]),
+        ("warning", [f"{trap.line}:{trap.column}: {trap.text}" for trap in spec.traps]),
     ]
     return _table(sections)
 
@@ -217,8 +220,26 @@ def _horizon(spec: Spec) -> str:
     return f"the first {spec.horizon + 1} samples{seconds}"
 
 
-def judged(why: Explanation, trace: str) -> str:
-    """Robustness, verdict and explanation of one trajectory."""
+def warnings(spec: Spec, signals: Mapping[str, Array]) -> list[str]:
+    """What is easily missed in how one trajectory fares.
+
+    Args:
+      spec: of known period.
+      signals: of the trajectory, (1, T) or (1, T, d).
+    """
+    told = []
+    steps = next(iter(signals.values())).shape[1]
+    if spec.horizon is not None and spec.horizon >= steps:
+        told.append(
+            f"the formula looks at {spec.horizon + 1} samples and the trace ends after {steps}: windows are cut, X may "
+            "have no next sample"
+        )
+    margins = {text: values[0] for text, values in spec.predicates_over_time(signals).items()}
+    return told + [text for text in [unequal_scales(margins)] if text is not None]
+
+
+def judged(why: Explanation, trace: str, warned: list[str]) -> str:
+    """Robustness, verdict and explanation of one trajectory, and what is easily missed."""
     values = [f"{value:+12.6g}  {name}" for name, value in why.definitions.items()]
     return _table(
         [
@@ -227,6 +248,7 @@ def judged(why: Explanation, trace: str) -> str:
             ("verdict", [why.verdict]),
             ("explanation", [f"decided {why.decided_by} ({why.place})"]),
             ("at step 0", values),
+            ("warning", warned),
         ]
     )
 

@@ -19,6 +19,9 @@ from tltlrl.experiments.experiment import open_run
 from tltlrl.logic import Spec, load_spec
 from tltlrl.logic.trace import write_recording
 from tltlrl.resources import user_path
+from tltlrl.simulation.motion import MEASURES, measures
+from tltlrl.simulation.rollout import Simulator
+from tltlrl.simulation.trials import mean_motion
 from tltlrl.training.build import make_task
 from tltlrl.training.study import MOST_TRIALS, Run
 from tltlrl.training.verdict import Motions, motions, try_policy
@@ -57,6 +60,13 @@ def run(arguments: Namespace) -> int:
             f"{name} rate {count}/{arguments.trials} = {count / arguments.trials:.2f} "
             f"(95 % Wilson interval {interval.low:.2f} to {interval.high:.2f})"
         )
+    task = make_task(learned.task)
+    simulator = Simulator(task)
+    found = measures(task, learned.spec, mean_motion(simulator, policy), simulator.command_range)
+    print("the noise-free motion of the mean policy:")
+    for name, value in found.items():
+        if value is not None:
+            print(f"  {name:<20} {value:8.3f}  {MEASURES[name]}")
     if arguments.trace is not None:
         rng = np.random.default_rng(arguments.seed)
         write_traces(arguments.trace, learned, motions(learned, policy, arguments.samples, rng))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tltlrl.learning.policy import Policy
 from tltlrl.logic import reasons
+from tltlrl.simulation.motion import measures
 from tltlrl.simulation.rollout import Simulator
 from tltlrl.simulation.trials import mean_motion, trials
 from tltlrl.tasks.task import Signals
@@ -89,6 +90,7 @@ def judge(run: Run, setup: Setup, policy: Policy) -> dict[str, Any]:
         "satisfied": of_policy > 0,
         "trials": run.trials,
         "successes": int(np.sum(tried.robustness > 0)),
+        "motion": measures(setup.task, run.spec, motion, setup.simulator.command_range),
         "outcomes": {name: int(np.sum(values)) for name, values in tried.outcomes.items()},
         "why_policy_fails": reasons.to_json(reasons.failed(why)),
         "why_trials_fail": reasons.to_json(reasons.failed(run.spec.explain(tried.signals, tried.lengths))),
