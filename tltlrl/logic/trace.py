@@ -9,7 +9,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -270,6 +269,8 @@ def read_arrays(path: str | Path) -> Arrays:
     Raises:
       UserError: if it holds no arrays of numbers.
     """
+    from zipfile import BadZipFile  # only for such files: the command should start fast
+
     try:
         with np.load(path, allow_pickle=False) as file:
             return Arrays(path, {name: file[name] for name in file.files})
