@@ -1,4 +1,4 @@
-"""`tltl evaluate RUN`: trials of a learned policy, in the evaluation scene, and their success rate."""
+"""`tltl evaluate RUN`: trials of a learned policy in the evaluation scene, their success rate, and how it moves."""
 
 from __future__ import annotations
 
@@ -11,6 +11,10 @@ from scipy.stats import binomtest
 
 from tltlrl.errors import UserError
 from tltlrl.experiments.experiment import open_run
+from tltlrl.simulation.motion import MEASURES, measure
+from tltlrl.simulation.rollout import Simulator
+from tltlrl.simulation.trials import mean_motion
+from tltlrl.training.build import make_task
 from tltlrl.training.study import MOST_TRIALS
 from tltlrl.training.verdict import try_policy
 
@@ -44,4 +48,9 @@ def evaluate(arguments: Namespace) -> int:
             f"{name} rate {count}/{arguments.trials} = {count / arguments.trials:.2f} "
             f"(95 % Wilson interval {interval.low:.2f} to {interval.high:.2f})"
         )
+    task = make_task(run.task)
+    simulator = Simulator(task)
+    for name, value in measure(task, simulator, run.spec, mean_motion(simulator, policy)).items():
+        meaning, unit = MEASURES[name]
+        print(f"{meaning}: {'none' if value is None else f'{value:.3g} {unit}'.rstrip()}")
     return 0

@@ -14,6 +14,7 @@ from scipy.stats import binomtest
 
 from tltlrl.logic.reasons import from_json, merge
 from tltlrl.reports.plotting import FORMATS, plot_learning_curves
+from tltlrl.simulation.motion import MEASURES
 from tltlrl.store.files import write_text
 from tltlrl.store.layout import CURVES, FIGURE, PROGRESS, REPORT, SUMMARY, SUMMARY_PAGE, WORKSPACE, run_of
 from tltlrl.tasks.task import Task
@@ -71,6 +72,7 @@ def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) 
     runs = curves.groupby(["case", "seed"], sort=False)
     for path, done in outcomes.items():
         case, seed = run_of(path)
+        motion = done.get("motion", {})  # that of 0.1 has none
         run = runs.get_group((case, seed))
         satisfied = run.loc[run["robustness_policy"] > 0, "iteration"]
         rows.append(
@@ -83,13 +85,14 @@ def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) 
                 "first_satisfied_iteration": satisfied.iloc[0] if len(satisfied) else None,
                 "robustness_mean_last": run["robustness_mean"].iloc[-1],
                 "robustness_mean_over_run": run["robustness_mean"].mean(),
+                **{name: motion.get(name) for name in MEASURES},
                 "trials": done["trials"],
                 "successes": done["successes"],
                 "success_rate": done["successes"] / done["trials"],
                 **done["outcomes"],
             }
         )
-    return pd.DataFrame(rows).astype({"first_satisfied_iteration": "Int64"})
+    return pd.DataFrame(rows).astype({"first_satisfied_iteration": "Int64", **dict.fromkeys(MEASURES, float)})
 
 
 def summary_page(study: Study, summary: pd.DataFrame, failures: Mapping[str, str]) -> str:
@@ -133,6 +136,7 @@ def report_page(
         summary_page(study, summary, failures),
         f"![Learning curves]({FIGURE}.png)",
         *bottleneck_lines(finished, task.control_timestep),
+        *motion_lines(summary),
         *picture_lines(task, finished),
         *trial_lines(summary, finished, task.control_timestep),
         "",
@@ -141,6 +145,28 @@ def report_page(
         *(f"- {key}: {value}" for key, value in study.settings.items()),
     ]
     return "\n".join(lines) + "\n"
+
+
+def motion_lines(summary: pd.DataFrame) -> list[str]:
+    """How the mean policies move: of every case the median over its seeds; nothing if none was measured."""
+    known = [name for name in MEASURES if summary[name].notna().any()]
+    if not known:
+        return []
+    units = {name: f", {unit}" if unit else "" for name, (_, unit) in MEASURES.items()}
+    lines = [
+        "",
+        "## How they move",
+        "",
+        "Of the mean policies' noise-free motions, medians over the seeds; of the time to satisfaction over those that "
+        "satisfy the spec.",
+        "",
+        "| case |" + "".join(f" {MEASURES[name][0]}{units[name]} |" for name in known),
+        "|---" * (1 + len(known)) + "|",
+    ]
+    for case, rows in summary.groupby("case", sort=False):
+        values = [rows[name].median() for name in known]
+        lines.append(f"| {case} |" + "".join(f" {'' if np.isnan(v) else f'{v:.3g}'} |" for v in values))
+    return lines
 
 
 def picture_lines(task: Task, finished: Mapping[Path, Mapping[str, Any]]) -> list[str]:

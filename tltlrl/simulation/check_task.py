@@ -228,6 +228,15 @@ def _outcomes(task: Task) -> Iterator[str]:
         yield from (f"{name}: {wrong}" for wrong in _array(values, (COUNT,), bool))
 
 
+def _movement(task: Task) -> Iterator[str]:
+    for name, groups in (("observation", ("joint_velocities", "end_effector")), ("action", ("joint_commands",))):
+        offered = [group.name for group in getattr(task, name)]
+        for capability in groups:
+            given = getattr(task, capability)
+            if given is not None and given not in offered:
+                yield f"{capability}: {name} has no group {given}{nearest(given, offered)}"
+
+
 def _camera(task: Task) -> Iterator[str]:
     model = task.make_physics().model
     cameras = [model.id2name(i, "camera") for i in range(model.ncam)]
@@ -308,6 +317,7 @@ STAGES: tuple[dict[str, Rule], ...] = (
         "signals": _signals,
         "terminated": _terminated,
         "outcomes": _outcomes,
+        "measures of motion": _movement,
         "camera": _camera,
         "skeleton": _skeleton,
     },

@@ -59,6 +59,13 @@ class Simulator:
         low, high = self._model.actuator_ctrlrange.T
         return np.where(limited, low, -np.inf), np.where(limited, high, np.inf)
 
+    @property
+    def limits(self) -> tuple[Array, Array]:
+        """The least and the greatest command of each actuator, shapes (d,); infinite where the model sets no limit."""
+        low, high = self._model.actuator_ctrlrange.T
+        limited = self._model.actuator_ctrllimited.astype(bool)
+        return np.where(limited, low, -np.inf), np.where(limited, high, np.inf)
+
     def draw_command_noise(self, count: int, rng: np.random.Generator) -> Array:
         """What the actuators add to the commands of `count` trajectories, shape (count, T, d)."""
         return draw_command_noise(self._task, (count, self._task.steps), rng)

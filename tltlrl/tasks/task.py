@@ -75,6 +75,9 @@ class Task(abc.ABC):
       camera: of the model, for films.
       skeleton: features (..., n) => points (..., P, 2), m: the robot as a polyline from its base to its end-effector,
         for pictures of the plane.
+      joint_velocities, end_effector: the groups of `observation` that are the velocities of the joints (rad/s) and the
+        position of the end-effector (m), for measures of motion.
+      joint_commands: the group of `action` that moves the joints; where it is None all of them are taken to do so.
     """
 
     name: str
@@ -87,6 +90,9 @@ class Task(abc.ABC):
     feedback: Array
     camera: str | None = None
     skeleton: Callable[[Array], Array] | None = None
+    joint_velocities: str | None = None
+    end_effector: str | None = None
+    joint_commands: str | None = None
 
     @cached_property
     def slices(self) -> Mapping[str, slice]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tltlrl.learning.policy import Policy
 from tltlrl.logic import reasons
+from tltlrl.simulation.motion import measure
 from tltlrl.simulation.rollout import Simulator
 from tltlrl.simulation.trials import mean_motion, trials
 from tltlrl.tasks.task import Signals
@@ -63,6 +64,7 @@ def judge(run: Run, setup: Setup, policy: Policy) -> dict[str, Any]:
         "satisfied": of_policy > 0,
         "trials": run.trials,
         "successes": int(np.sum(tried.robustness > 0)),
+        "motion": measure(setup.task, setup.simulator, run.spec, motion),
         "outcomes": {name: int(np.sum(values)) for name, values in tried.outcomes.items()},
         "why_policy_fails": reasons.to_json(reasons.failed(why)),
         "why_trials_fail": reasons.to_json(reasons.failed(run.spec.explain(tried.signals, tried.lengths))),

@@ -87,6 +87,7 @@ class PlanarArm(Task):
     )
     action = (Quantity("speeds", "rad/s", ("speed_1", "speed_2", "speed_3")),)
     camera = "above"
+    joint_velocities, end_effector, joint_commands = "velocities", "end_effector", "speeds"
 
     def __init__(self, config: PlanarArmConfig) -> None:
         self.name = config.name

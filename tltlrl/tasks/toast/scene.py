@@ -165,6 +165,7 @@ class Toast(Task):
 
     control_timestep = 0.05  # s: commands are sent at 20 Hz
     camera = "front"
+    joint_velocities, end_effector, joint_commands = "velocities", "end_effector", "speeds"
     observation = (
         Quantity("angles", "rad", tuple(f"angle_{joint}" for joint in LINKS)),
         Quantity("velocities", "rad/s", tuple(f"velocity_{joint}" for joint in LINKS)),

@@ -42,6 +42,7 @@ class TwoLink(Task):
     )
     action = (Quantity("speeds", "rad/s", ("shoulder", "elbow")),)
     camera = "above"
+    joint_velocities, end_effector, joint_commands = "velocities", "end_effector", "speeds"
 
     def __init__(self, config: TwoLinkConfig) -> None:
         self.name, self.steps, self.start = config.name, config.steps, np.array(config.start_angles)
