@@ -5,7 +5,8 @@ import pandas as pd
 from tltlrl.config.compose import compose
 from tltlrl.config.read import read
 from tltlrl.logic.reasons import Reason, to_json
-from tltlrl.reports.report import bottleneck_lines, summary_page, trial_lines
+from tltlrl.reports.report import bottleneck_lines, motion_lines, summarise, summary_page, trial_lines
+from tltlrl.simulation.motion import MEASURES
 
 LATE = Reason("`d < 0.2` in at_goal", 1, 199, 199, -0.5, -0.5)
 LATER = Reason("`d < 0.2` in at_goal", 1, 150, 150, -0.25, -0.25)
@@ -74,3 +75,31 @@ def summary(runs, **judged):
         }
         for path, done in runs.items()
     )  # fmt: skip
+
+
+def test_calm_policies_stand_beside_the_learned_ones_and_are_not_counted_among_them():
+    moves = dict.fromkeys(MEASURES, 2.0)
+    worth = {
+        "robustness_policy": 0.4, "satisfied": True, "trials": 4, "successes": 4, "outcomes": {"bread": 3},
+        "motion": moves,
+    }  # fmt: skip
+    calm = worth | {"robustness_policy": 0.3, "episodes": 160, "env_steps": 9, "motion": dict.fromkeys(MEASURES, 1.0)}
+    rows = {"task": "t", "case": "a", "seed": [0, 1], "iteration": 0, "robustness_policy": 0.4, "robustness_mean": 0.1}
+    done = {Path("a/seed_0"): worth | {"calm": calm}, Path("a/seed_1"): worth}
+    table = summarise(pd.DataFrame(rows), done)
+    lines = motion_lines(table)
+    cells = " 2 |" * len(MEASURES), " 1 |" * len(MEASURES)
+    assert f"| a |{cells[0]}" in lines
+    assert f"| a, calm |{cells[1]}" in lines
+    assert "| a | 1 of 1 | 0.300 (0.300 to 0.300) | 0.75 | 4 of 4 | 3 of 4 | 160 |" in lines
+    experiment, _ = read(compose(["experiment=reach_avoid"]))
+    assert "| a | 2 of 2 | 0.400 (0.400 to 0.400) | 0 | 0.100 | 8 of 8 | 6 of 8 |" in summary_page(
+        experiment, table, {}
+    )
+    assert table["calm_path_length"].isna().tolist() == [False, True]
+
+
+def test_results_that_were_never_measured_have_no_table_of_motion():
+    done = {"robustness_policy": 0.4, "satisfied": True, "trials": 4, "successes": 4, "outcomes": {}}
+    rows = {"task": "t", "case": "a", "seed": [0], "iteration": 0, "robustness_policy": 0.4, "robustness_mean": 0.1}
+    assert motion_lines(summarise(pd.DataFrame(rows), {Path("a/seed_0"): done})) == []

@@ -10,12 +10,13 @@ import numpy as np
 from scipy.stats import binomtest
 
 from tltlrl.errors import UserError
-from tltlrl.experiments.experiment import open_run
+from tltlrl.experiments.experiment import open_calm, open_run
+from tltlrl.learning.policy import Policy
 from tltlrl.simulation.motion import MEASURES, measure
 from tltlrl.simulation.rollout import Simulator
 from tltlrl.simulation.trials import mean_motion
 from tltlrl.training.build import make_task
-from tltlrl.training.study import MOST_TRIALS
+from tltlrl.training.study import MOST_TRIALS, Run
 from tltlrl.training.verdict import try_policy
 
 
@@ -37,6 +38,17 @@ def evaluate(arguments: Namespace) -> int:
     if not 1 <= arguments.trials <= MOST_TRIALS or arguments.seed < 0:
         raise UserError(f"--trials must lie between 1 and {MOST_TRIALS}, and --seed be at least 0")
     run, policy = open_run(arguments.run)
+    calm = open_calm(arguments.run)
+    if calm is not None:
+        print("the learned policy")
+    _tell(run, policy, arguments)
+    if calm is not None:
+        print("\nthe calm policy")
+        _tell(run, calm, arguments)
+    return 0
+
+
+def _tell(run: Run, policy: Policy, arguments: Namespace) -> None:
     tried = try_policy(run, policy, arguments.trials, np.random.default_rng(arguments.seed))
     for trial, why in enumerate(run.spec.explain(tried.signals, tried.lengths)):
         judged = "".join(f"; {name}: {'yes' if values[trial] else 'no'}" for name, values in tried.outcomes.items())
@@ -53,4 +65,3 @@ def evaluate(arguments: Namespace) -> int:
     for name, value in measure(task, simulator, run.spec, mean_motion(simulator, policy)).items():
         meaning, unit = MEASURES[name]
         print(f"{meaning}: {'none' if value is None else f'{value:.3g} {unit}'.rstrip()}")
-    return 0

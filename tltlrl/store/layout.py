@@ -19,14 +19,16 @@ CURVES, SUMMARY, SUMMARY_PAGE, REPORT, FIGURE = (
     "learning_curves",
 )
 # Of a case.
-WORKSPACE = "workspace"
+WORKSPACE, CALM_WORKSPACE = "workspace", "workspace_calm"
 # Of a run.
-PROGRESS, TIMING, POLICY, DONE, CHECKPOINT = (
+PROGRESS, TIMING, POLICY, CALM, DONE, CHECKPOINT, CALM_CHECKPOINT = (
     "progress.csv",
     "timing.csv",
     "policy.npz",
+    "calm.npz",
     "done.json",
     "checkpoint.npz",
+    "calm_checkpoint.npz",
 )
 # Of a search.
 SEARCH, JOURNAL, TRIALS = "search.yaml", "journal.log", "trials.csv"

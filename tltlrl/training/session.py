@@ -17,21 +17,24 @@ import numpy as np
 from tltlrl.errors import UserError
 from tltlrl.learning.learner import Learner
 from tltlrl.learning.policy import Policy
-from tltlrl.store.files import clear_leftovers, naming, write_bytes
-from tltlrl.store.layout import DONE, PROGRESS, TIMING
+from tltlrl.store.files import clear_leftovers, digest, naming, write_bytes
+from tltlrl.store.layout import DONE, POLICY, PROGRESS, TIMING
 from tltlrl.store.lock import BusyError, held
 from tltlrl.store.run import (
     Checkpoint,
     DamagedError,
     drop_checkpoint,
     first_rows,
+    read_calm_checkpoint,
     read_checkpoint,
     read_policy,
     read_results,
+    write_calm_checkpoint,
     write_checkpoint,
     write_results,
 )
-from tltlrl.training.build import first_policy, make_learner, refined_policy, set_up
+from tltlrl.training.build import Setup, first_policy, make_learner, refined_policy, set_up
+from tltlrl.training.calm import Calm, begin, calm_policy, calmer, floor
 from tltlrl.training.loop import iterate
 from tltlrl.training.study import Run
 from tltlrl.training.verdict import judge, robustness_of
@@ -140,7 +143,33 @@ def _train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
     policy = setup.learner.policy(stands.state)
     if run.algorithm.keep == "best":
         policy = stands.seen(policy, robustness_of(run, setup, policy)).best
-    write_results(folder, identity, arrays_of(policy), judge(run, setup, policy))
+    results = judge(run, setup, policy)
+    calm = None
+    if run.algorithm.calm and results["satisfied"]:
+        write_checkpoint(folder, identity, Checkpoint(run.algorithm.iterations, env_steps, arrays_of(stands)))
+        done = _simplify(run, setup, policy, results["robustness_policy"], folder)
+        calm = calm_policy(policy, done)
+        cost = {"batches": done.batches, "episodes": done.episodes, "env_steps": done.env_steps}
+        results["calm"] = judge(run, setup, calm) | cost
+    write_results(folder, identity, arrays_of(policy), results, None if calm is None else arrays_of(calm))
+
+
+def _simplify(run: Run, setup: Setup, policy: Policy, robustness: float, folder: Path) -> Calm:
+    """The calm motion of a learned policy whose mean motion has this robustness; goes on where it was stopped."""
+    identity = run.identity() + digest(policy.mean.tobytes())
+    calm = begin(setup, policy)
+    saved = read_calm_checkpoint(folder, identity)
+    if saved is not None:
+        with contextlib.suppress(DamagedError):
+            calm = from_arrays(calm, saved)
+    last_checkpoint = time.monotonic()
+    while calm.batches < run.algorithm.calm:
+        least = floor(robustness, run.algorithm.calm_share, calm.batches, run.algorithm.calm)
+        calm = calmer(run, setup, policy, calm, least)
+        if time.monotonic() - last_checkpoint > CHECKPOINT_SECONDS:
+            write_calm_checkpoint(folder, identity, arrays_of(calm))
+            last_checkpoint = time.monotonic()
+    return calm
 
 
 def _write_row(file: TextIO, row: dict[str, Any], header: bool) -> None:
@@ -206,13 +235,17 @@ def from_arrays(like: Any, arrays: Mapping[str, np.ndarray]) -> Any:
     return type(like)(**values)
 
 
-def learned_policy(folder: Path) -> Policy:
+def learned_policy(folder: Path, name: str = POLICY) -> Policy:
     """The policy that a finished run has left.
 
+    Args:
+      folder: of the run.
+      name: of the file: that of the learned policy, or of the calm one beside it.
+
     Raises:
-      DamagedError: if policy.npz cannot be read, or is not that of a policy.
+      DamagedError: if the file cannot be read, or is not that of a policy.
     """
-    saved = read_policy(folder)
+    saved = read_policy(folder, name)
     try:
         gain, mean, covariance = (saved[name].astype(np.float64) for name in ("gain", "mean", "covariance"))
         (steps, d) = mean.shape
@@ -220,4 +253,4 @@ def learned_policy(folder: Path) -> Policy:
             raise ValueError(f"arrays of the shapes {gain.shape}, {mean.shape} and {covariance.shape} are no policy")
         return Policy(gain, mean, covariance, float(saved["correlation"]))
     except (KeyError, ValueError, TypeError) as error:
-        raise DamagedError(f"policy.npz cannot be read ({error})") from error
+        raise DamagedError(f"{name} cannot be read ({error})") from error
