@@ -27,6 +27,33 @@ def columns(name: str, dimension: int | None) -> list[str]:
     return [f"{name}.{'xyz'[i]}" if dimension <= 3 else f"{name}[{i}]" for i in range(dimension)]
 
 
+def write_recording(path: str | Path, signals: Mapping[str, Array], period: float) -> None:
+    """Writes one trajectory as `read_recording` reads it, every digit of it.
+
+    Args:
+      path: of the CSV file.
+      signals: name => (T,) for a scalar, (T, d) for a vector.
+      period: between two samples, s.
+
+    Raises:
+      UserError: if the file cannot be written.
+    """
+    table: dict[str, Array] = {}
+    for name, values in signals.items():
+        parts = values[:, None] if values.ndim == 1 else values
+        titles = columns(name, None if values.ndim == 1 else parts.shape[1])
+        table |= dict(zip(titles, parts.T, strict=True))
+    steps = len(next(iter(table.values())))
+    try:
+        with open(path, "w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(["time", *table])
+            for step in range(steps):
+                writer.writerow([f"{step * period:.12g}", *(repr(float(values[step])) for values in table.values())])
+    except OSError as error:
+        raise UserError(f"{path}: the trace cannot be written: {error.strerror}; give another path") from None
+
+
 @dataclass(frozen=True)
 class Recording:
     """One recorded trajectory, as text.
@@ -189,6 +216,9 @@ def _count(cells: int) -> str:
 
 
 def _number(place: str, name: str, cell: str) -> float:
+    truth = {"true": 1.0, "false": 0.0}.get(cell.strip().lower())
+    if truth is not None:
+        return truth
     try:
         number = math.nan if "_" in cell else float(cell)  # Python reads 1_000 as 1000
     except ValueError:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +11,8 @@ import pandas as pd
 from scipy.stats import binomtest
 
 from tltlrl.logic.reasons import from_json, merge
-from tltlrl.reports.plotting import FORMATS, plot_learning_curves
+from tltlrl.reports.interval import FEWEST, LEVEL, Array, mean_interval
+from tltlrl.reports.plotting import FORMATS, plot_learning_curves, titled
 from tltlrl.simulation.motion import MEASURES
 from tltlrl.store.files import write_text
 from tltlrl.store.layout import (
@@ -27,6 +26,7 @@ from tltlrl.store.layout import (
     WORKSPACE,
     run_of,
 )
+from tltlrl.store.run import joined
 from tltlrl.tasks.task import Task
 from tltlrl.training.build import make_task
 from tltlrl.training.study import Study
@@ -34,7 +34,7 @@ from tltlrl.training.study import Study
 
 def write_report(
     folder: Path, study: Study, finished: Mapping[Path, Mapping[str, Any]], failures: Mapping[str, str]
-) -> None:
+) -> list[str]:
     """Writes every table and figure from the finished runs' files; what failed is listed.
 
     If no run has finished, tables and figures of an earlier time, whose runs are there no more, are deleted.
@@ -44,31 +44,24 @@ def write_report(
       study: what was asked for.
       finished: folder of a run => its results, in the order of the tables.
       failures: run => message.
+
+    Returns:
+      What came out, in a few lines.
     """
     if not finished:
         for name in (CURVES, SUMMARY, REPORT, *(f"{FIGURE}{suffix}" for suffix in FORMATS)):
             (folder / name).unlink(missing_ok=True)
         lines = [f"# {study.name}", "", "No run has finished.", *_failure_lines(failures)]
         write_text(folder / SUMMARY_PAGE, "\n".join(lines) + "\n")
-        return
-    write_text(folder / CURVES, joined([(path / PROGRESS).read_text() for path in finished]))
+        return ["no run has finished"]
+    write_text(folder / CURVES, joined([(path / PROGRESS).read_text(encoding="utf-8") for path in finished]))
     curves = pd.read_csv(folder / CURVES)
     summary = summarise(curves, finished)
     write_text(folder / SUMMARY, summary.to_csv(index=False, lineterminator="\n"))
     write_text(folder / SUMMARY_PAGE, summary_page(study, summary, failures))
     write_text(folder / REPORT, report_page(study, summary, finished, failures))
-    plot_learning_curves([curves], folder / FIGURE)
-
-
-def joined(tables: Sequence[str]) -> str:
-    """CSV texts as one: a column that some do not have, as another learner's diagnostics, is empty in their rows."""
-    rows = [row for table in tables for row in csv.DictReader(io.StringIO(table))]
-    columns = dict.fromkeys(name for table in tables for name in table.split("\n", 1)[0].split(","))
-    text = io.StringIO()
-    writer = csv.DictWriter(text, columns, restval="", lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()
+    plot_learning_curves(titled([folder], [curves]), folder / FIGURE)
+    return [*outcome_lines(summary), f"report: {folder / REPORT}"]
 
 
 def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) -> pd.DataFrame:
@@ -82,7 +75,6 @@ def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) 
     runs = curves.groupby(["case", "seed"], sort=False)
     for path, done in outcomes.items():
         case, seed = run_of(path)
-        motion = done.get("motion", {})  # that of 0.1 has none
         run = runs.get_group((case, seed))
         satisfied = run.loc[run["robustness_policy"] > 0, "iteration"]
         rows.append(
@@ -95,7 +87,7 @@ def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) 
                 "first_satisfied_iteration": satisfied.iloc[0] if len(satisfied) else None,
                 "robustness_mean_last": run["robustness_mean"].iloc[-1],
                 "robustness_mean_over_run": run["robustness_mean"].mean(),
-                **{name: motion.get(name) for name in MEASURES},
+                **{name: done.get("motion", {}).get(name) for name in MEASURES},  # results of 0.1 have none
                 "trials": done["trials"],
                 "successes": done["successes"],
                 "success_rate": done["successes"] / done["trials"],
@@ -107,12 +99,27 @@ def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) 
             rows[-1] |= {f"calm_{name}": calm[name] for name in CALM_COLUMNS}
             rows[-1] |= {f"calm_{name}": calm["motion"][name] for name in MEASURES}
             rows[-1] |= {f"calm_{name}": value for name, value in calm["outcomes"].items()}
-    return pd.DataFrame(rows).astype({"first_satisfied_iteration": "Int64", **dict.fromkeys(MEASURES, float)})
+    return pd.DataFrame(rows).astype({"first_satisfied_iteration": "Int64"} | dict.fromkeys(MEASURES, "float64"))
+
+
+def outcome_lines(summary: pd.DataFrame) -> list[str]:
+    """What came out, one line per case; of several seeds the median robustness, with the lowest and the highest."""
+    lines = []
+    for case, rows in summary.groupby("case", sort=False):
+        policy = rows["robustness_policy"]
+        spread = f", {policy.min():.3f} to {policy.max():.3f}" if len(rows) > 1 else ""
+        lines.append(
+            f"{case}: satisfied {rows['satisfied'].sum()} of {len(rows)}; robustness {policy.median():.3f}{spread}; "
+            f"trials {rows['successes'].sum()} of {rows['trials'].sum()}"
+        )
+    return lines
 
 
 def summary_page(study: Study, summary: pd.DataFrame, failures: Mapping[str, str]) -> str:
     """summary.md: one line per case."""
     judged = _judged(summary)
+    enough = summary["seed"].nunique() >= FEWEST
+    interval = f" ({100 * LEVEL:.0f} % t interval)" if enough else ""
     lines = [
         f"# {study.name}",
         "",
@@ -121,7 +128,7 @@ def summary_page(study: Study, summary: pd.DataFrame, failures: Mapping[str, str
         "Robustness is that of the spec for every case, whatever it was trained on; above 0 the spec is satisfied.",
         "",
         "| case | satisfied | robustness of the mean policy, median (min to max) | first satisfied iteration, median "
-        "| robustness of samples, last iteration | successful trials |"
+        f"| robustness of samples, last iteration, mean{interval} | successful trials |"
         + "".join(f" trials with {name.replace('_', ' ')} |" for name in judged),
         "|---|---|---|---|---|---|" + "---|" * len(judged),
     ]
@@ -132,7 +139,7 @@ def summary_page(study: Study, summary: pd.DataFrame, failures: Mapping[str, str
             f"| {case} | {rows['satisfied'].sum()} of {len(rows)} "
             f"| {policy.median():.3f} ({policy.min():.3f} to {policy.max():.3f}) "
             f"| {f'{first:.0f}' if np.isfinite(first) else 'never'} "
-            f"| {rows['robustness_mean_last'].mean():.3f} "
+            f"| {_mean(rows['robustness_mean_last'].to_numpy())} "
             f"| {rows['successes'].sum()} of {rows['trials'].sum()} |"
             + "".join(f" {rows[name].sum()} of {rows['trials'].sum()} |" for name in judged)
         )
@@ -151,8 +158,8 @@ def report_page(
         summary_page(study, summary, failures),
         f"![Learning curves]({FIGURE}.png)",
         *bottleneck_lines(finished, task.control_timestep),
-        *motion_lines(summary),
         *picture_lines(task, finished),
+        *motion_lines(summary),
         *trial_lines(summary, finished, task.control_timestep),
         "",
         "## Settings",
@@ -162,28 +169,46 @@ def report_page(
     return "\n".join(lines) + "\n"
 
 
+def picture_lines(task: Task, finished: Mapping[Path, Mapping[str, Any]]) -> list[str]:
+    """The workspace pictures of the cases, for tasks that have them."""
+    cases = dict.fromkeys(run_of(path)[0] for path in finished)
+    calm = {run_of(path)[0] for path, done in finished.items() if "calm" in done}
+    if task.skeleton is None:
+        return []
+    return [
+        "",
+        "## The learned motions",
+        "",
+        "Of each case the seed with the median robustness of the mean policy.",
+        "",
+        *(f"![{case}]({case}/{WORKSPACE}.png)" for case in cases),
+        *(f"![{case}, calm]({case}/{CALM_WORKSPACE}.png)" for case in cases if case in calm),
+    ]
+
+
 def motion_lines(summary: pd.DataFrame) -> list[str]:
-    """How the mean policies move: of every case the median over its seeds; nothing if none was measured."""
+    """How the learned policies move: of every case the median of each measure over the seeds."""
     known = [name for name in MEASURES if summary[name].notna().any()]
     if not known:
         return []
-    units = {name: f", {unit}" if unit else "" for name, (_, unit) in MEASURES.items()}
     lines = [
         "",
-        "## How they move",
+        "## How the learned policies move",
         "",
-        "Of the mean policies' noise-free motions, medians over the seeds; of the time to satisfaction over those that "
-        "satisfy the spec.",
+        "Of the noise-free motion of the mean policy, the median over the seeds.",
         "",
-        "| case |" + "".join(f" {MEASURES[name][0]}{units[name]} |" for name in known),
+        "| case |" + "".join(f" {name.replace('_', ' ').replace('rms', 'RMS')} |" for name in known),
         "|---" * (1 + len(known)) + "|",
     ]
     for case, rows in summary.groupby("case", sort=False):
         for label, prefix in ((case, ""), (f"{case}, calm", "calm_")):
-            if f"{prefix}path_length" in rows and rows[f"{prefix}robustness_policy"].notna().any():
-                values = [rows[f"{prefix}{name}"].astype(float).median() for name in known]
-                lines.append(f"| {label} |" + "".join(f" {'' if np.isnan(v) else f'{v:.3g}'} |" for v in values))
-    return [*lines, *_calm_lines(summary)]
+            if prefix and ("calm_successes" not in rows or rows["calm_successes"].isna().all()):
+                continue
+            values = (rows[f"{prefix}{name}"].astype(float).median() for name in known)
+            cells = "".join(f" {value:.3g} |" if np.isfinite(value) else "  |" for value in values)
+            lines.append(f"| {label} |{cells}")
+    units = (f"- {name.replace('_', ' ').replace('rms', 'RMS')}: {MEASURES[name]}" for name in known)
+    return [*lines, "", *units, *_calm_lines(summary)]
 
 
 def _calm_lines(summary: pd.DataFrame) -> list[str]:
@@ -213,23 +238,6 @@ def _calm_lines(summary: pd.DataFrame) -> list[str]:
             + f" {rows['calm_episodes'].median():.0f} |"
         )
     return lines
-
-
-def picture_lines(task: Task, finished: Mapping[Path, Mapping[str, Any]]) -> list[str]:
-    """The workspace pictures of the cases, for tasks that have them."""
-    cases = dict.fromkeys(run_of(path)[0] for path in finished)
-    calm = {run_of(path)[0] for path, done in finished.items() if "calm" in done}
-    if task.skeleton is None:
-        return []
-    return [
-        "",
-        "## The learned motions",
-        "",
-        "Of each case the seed with the median robustness of the mean policy.",
-        "",
-        *(f"![{case}]({case}/{WORKSPACE}.png)" for case in cases),
-        *(f"![{case}, calm]({case}/{CALM_WORKSPACE}.png)" for case in cases if case in calm),
-    ]
 
 
 def trial_lines(summary: pd.DataFrame, finished: Mapping[Path, Mapping[str, Any]], timestep: float) -> list[str]:
@@ -282,6 +290,12 @@ def _judged(summary: pd.DataFrame) -> list[str]:
     """What the task judges of a trial besides the spec."""
     after = list(summary.columns).index("success_rate") + 1
     return [name for name in summary.columns[after:] if not name.startswith("calm_")]
+
+
+def _mean(values: Array) -> str:
+    """With its interval, where there are enough values for one."""
+    low, high = mean_interval(values)
+    return f"{values.mean():.3f}" + (f" ({low:.3f} to {high:.3f})" if np.isfinite(low) else "")
 
 
 def _rate(successes: Any, count: Any) -> str:

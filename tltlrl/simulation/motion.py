@@ -1,6 +1,7 @@
-"""How a motion moves: lengths, accelerations, jerks, commands, and when its verdict is settled.
+"""Measures of one motion: how far, how jerkily and how hard, and from when on it satisfies its spec.
 
-A spec says what a motion has to achieve; these numbers say whether anybody would run it on a robot.
+Accelerations and jerks are the first and second differences of the sampled joint velocities, over the time between two
+samples: what a robot would have to do from one sample to the next. The last command moves nothing and does not count.
 """
 
 from __future__ import annotations
@@ -9,113 +10,113 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tltlrl.logic import Spec
-from tltlrl.simulation.rollout import Simulator, Trajectories
+from tltlrl.simulation.rollout import Trajectories
 from tltlrl.tasks.task import Signals, Task
 
 Array = NDArray[np.float64]
 
-# Name => what it is and its unit, in the order of the tables.
-MEASURES = {
-    "path_length": ("path of the end-effector", "m"),
-    "acceleration_rms": ("acceleration of the joints, root mean square", "rad/s^2"),
-    "acceleration_peak": ("acceleration of the joints, largest", "rad/s^2"),
-    "jerk_rms": ("jerk of the joints, root mean square", "rad/s^3"),
-    "jerk_peak": ("jerk of the joints, largest", "rad/s^3"),
-    "command_rms": ("commands, root mean square of their share of a full one", ""),
-    "commands_at_limit": ("share of the commands that are at a limit of their actuator", ""),
-    "seconds_to_verdict": ("time to satisfaction: when the verdict is settled", "s"),
+MEASURES = {  # name => unit and meaning, in the order of the tables
+    "path_length": "m, of the end-effector",
+    "acceleration_rms": "rad/s^2, over all joints and steps",
+    "acceleration_peak": "rad/s^2, of any joint at any step",
+    "jerk_rms": "rad/s^3, over all joints and steps",
+    "jerk_peak": "rad/s^3, of any joint at any step",
+    "command_rms": "of the commands that move joints, as a share of a full one",
+    "commands_at_limit": "share of those commands at the actuators' limit or beyond",
+    "time_to_satisfaction": "s, from which on every prefix satisfies the spec; empty where the whole does not",
 }
+SAME = 1e-9  # a command that close to its limit, as a share of a full one, is at it
+PREFIXES = 64  # looked at together
 
-PREFIXES = 50  # judged at once
 
-
-def measure(
-    task: Task, simulator: Simulator, spec: Spec, motion: Trajectories, trajectory: int = 0
+def measures(
+    task: Task, spec: Spec, motion: Trajectories, command_range: tuple[Array, Array]
 ) -> dict[str, float | None]:
-    """The measures of one trajectory, by the names in `MEASURES`; None where the task does not say what moves.
+    """`MEASURES` of the first of some trajectories; None where the task does not say by name what is meant.
 
     Args:
-      task: that was simulated.
-      simulator: of it, for the limits of the actuators.
-      spec: for the time to the verdict.
-      motion: the trajectories.
-      trajectory: which of them.
+      task: whose motion it is; `task.joints` and `task.end_effector` name what is measured.
+      spec: that it is to satisfy.
+      motion: its samples after an early end do not count.
+      command_range: least and most of each command, shapes (d,).
     """
-    length = int(motion.lengths[trajectory])
-    features, commands = motion.features[trajectory, :length], motion.commands[trajectory, :length]
-    of_joints = joint_commands(task)
-    low, high = simulator.limits
-    signals = task.signals(features[None], commands[None])
-    settled = settled_at(spec, signals)
-    groups = task.slices
-    velocities = None if task.joint_velocities is None else features[:, groups[task.joint_velocities]]
-    positions = None if task.end_effector is None else features[:, groups[task.end_effector]]
-    return {
-        "path_length": None if positions is None else path_length(positions),
-        **smoothness(velocities, task.control_timestep),
-        "command_rms": rms(commands[:, of_joints] / task.command_scale[of_joints]),
-        "commands_at_limit": float(np.mean((commands <= low)[:, of_joints] | (commands >= high)[:, of_joints])),
-        "seconds_to_verdict": None if settled is None else settled * task.control_timestep,
-    }
-
-
-def joint_commands(task: Task) -> slice:
-    """Where the commands of the joints lie among a task's commands: all of them, unless it says which."""
-    start = 0
-    for group in task.action:
-        if group.name == task.joint_commands:
-            return slice(start, start + len(group.parts))
-        start += len(group.parts)
-    return slice(0, start)
-
-
-def path_length(positions: Array) -> float:
-    """Sum of the distances between consecutive samples, in the unit of `positions`, shape (T, k)."""
-    return float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
-
-
-def smoothness(velocities: Array | None, timestep: float) -> dict[str, float | None]:
-    """RMS and largest absolute acceleration and jerk, by differences of samples, over all joints and steps.
-
-    Args:
-      velocities: shape (T, d), rad/s; None if they are not known.
-      timestep: between two samples, s.
-    """
-    found: dict[str, float | None] = {}
-    for order, name in enumerate(("acceleration", "jerk"), start=1):
-        values = None
-        if velocities is not None and len(velocities) > order:
-            values = np.diff(velocities, n=order, axis=0) / timestep**order
-        found[f"{name}_rms"] = None if values is None else rms(values)
-        found[f"{name}_peak"] = None if values is None else float(np.abs(values).max())
+    length, timestep = int(motion.lengths[0]), task.control_timestep
+    features, commands = motion.features[0, :length], motion.commands[0, : length - 1]
+    found: dict[str, float | None] = dict.fromkeys(MEASURES)
+    if task.end_effector is not None:
+        found["path_length"] = path_length(features[:, task.slices[task.end_effector]])
+    if task.joints is not None:
+        moved = task.command_slices[task.joints.speeds]
+        low, high = (limit[moved] for limit in command_range)
+        found |= smoothness(features[:, task.slices[task.joints.velocities]], timestep)
+        found |= effort(commands[:, moved], task.command_scale[moved], low, high)
+    signals = task.signals(motion.features[:1], motion.commands[:1])
+    step = satisfied_from(spec, signals, length)
+    found["time_to_satisfaction"] = None if step is None else step * timestep
     return found
 
 
-def rms(values: Array) -> float:
-    """Root mean square."""
-    return float(np.sqrt(np.mean(values**2)))
+def path_length(positions: Array) -> float:
+    """Length of the polyline through positions, shape (T, k)."""
+    return float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
 
 
-def settled_at(spec: Spec, signals: Signals) -> int | None:
-    """The sample from which on the trajectory satisfies the spec, wherever after it one stops; None if it violates it.
-
-    The smallest t such that every prefix s_0 .. s_t', t' >= t, of this trajectory has a robustness above 0. So it is
-    what this one trajectory does after t that no longer changes the verdict; another continuation still might.
+def smoothness(velocities: Array, timestep: float) -> dict[str, float | None]:
+    """RMS and peak of accelerations and jerks; None of motions too short to have any.
 
     Args:
-      spec: what is judged.
-      signals: of one trajectory, shapes (1, T) and (1, T, k).
+      velocities: of the joints, shape (T, j), rad/s.
+      timestep: between two samples, s.
     """
-    values = [np.asarray(signals[name]) for name in spec.signals]
-    steps = values[0].shape[1] if values else 0
-    for block in range(steps, 0, -PREFIXES):  # from the end, since the last violated prefix decides
-        ends = np.arange(max(block - PREFIXES, 0), block) + 1
-        repeated = {
-            name: np.broadcast_to(value[:, : ends[-1]], (len(ends), ends[-1], *value.shape[2:]))
-            for name, value in zip(spec.signals, values, strict=True)
-        }
-        violated = np.flatnonzero(~(spec.robustness(repeated, ends) > 0))
+    acceleration = np.diff(velocities, axis=0) / timestep
+    jerk = np.diff(acceleration, axis=0) / timestep
+    return {
+        "acceleration_rms": _rms(acceleration),
+        "acceleration_peak": _peak(acceleration),
+        "jerk_rms": _rms(jerk),
+        "jerk_peak": _peak(jerk),
+    }
+
+
+def effort(commands: Array, scale: Array, low: Array, high: Array) -> dict[str, float | None]:
+    """RMS of commands as a share of full ones, and the share that is at a limit.
+
+    Args:
+      commands: shape (T, j), as the policy sent them.
+      scale: the size of a full command, shape (j,).
+      low, high: the actuators' limits, shapes (j,); infinite where there is none.
+    """
+    at_limit = (commands <= low + SAME * scale) | (commands >= high - SAME * scale)
+    return {
+        "command_rms": _rms(commands / scale),
+        "commands_at_limit": float(np.mean(at_limit)) if at_limit.size else None,
+    }
+
+
+def satisfied_from(spec: Spec, signals: Signals, length: int) -> int | None:
+    """The smallest t such that every prefix s_0 .. s_t', t <= t' < length, satisfies the spec; None if there is none.
+
+    Args:
+      spec: satisfied where its robustness is above 0.
+      signals: of one trajectory, shapes (1, T) and (1, T, k).
+      length: its samples that count.
+    """
+    first = length
+    while first > 0:  # from the end backwards, since a motion's last prefixes decide
+        lengths = np.arange(max(first - PREFIXES, 0) + 1, first + 1)
+        end = lengths[-1]
+        prefixes = {name: np.repeat(values[:, :end], len(lengths), axis=0) for name, values in signals.items()}
+        violated = np.flatnonzero(~(spec.robustness(prefixes, lengths) > 0))
         if len(violated):
-            settled = int(ends[violated[-1]])  # the sample after the violated prefix
-            return settled if settled < steps else None
-    return 0 if steps else None
+            first = int(lengths[violated[-1]])
+            break
+        first = int(lengths[0]) - 1
+    return None if first == length else first
+
+
+def _rms(values: Array) -> float | None:
+    return float(np.sqrt(np.mean(values**2))) if values.size else None
+
+
+def _peak(values: Array) -> float | None:
+    return float(np.abs(values).max()) if values.size else None

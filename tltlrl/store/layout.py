@@ -21,7 +21,7 @@ CURVES, SUMMARY, SUMMARY_PAGE, REPORT, FIGURE = (
 # Of a case.
 WORKSPACE, CALM_WORKSPACE = "workspace", "workspace_calm"
 # Of a run.
-PROGRESS, TIMING, POLICY, CALM, DONE, CHECKPOINT, CALM_CHECKPOINT = (
+PROGRESS, TIMING, POLICY, CALM, DONE, CHECKPOINT, CALM_CHECKPOINT, LAST = (
     "progress.csv",
     "timing.csv",
     "policy.npz",
@@ -29,6 +29,7 @@ PROGRESS, TIMING, POLICY, CALM, DONE, CHECKPOINT, CALM_CHECKPOINT = (
     "done.json",
     "checkpoint.npz",
     "calm_checkpoint.npz",
+    "last.npz",
 )
 # Of a search.
 SEARCH, JOURNAL, TRIALS = "search.yaml", "journal.log", "trials.csv"

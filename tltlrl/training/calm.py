@@ -11,6 +11,7 @@ the motion that u leads to, moves the same without noise. So this works for ever
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,9 +19,9 @@ from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
 from tltlrl.learning.policy import Policy
-from tltlrl.simulation.motion import joint_commands
 from tltlrl.simulation.rollout import Trajectories
 from tltlrl.simulation.trials import mean_motion
+from tltlrl.tasks.task import Task
 from tltlrl.training.build import Setup
 from tltlrl.training.study import Run
 
@@ -53,7 +54,7 @@ class Calm:
 
 def begin(setup: Setup, policy: Policy) -> Calm:
     """The learned mean motion as it is: commands beyond the actuators' limits were cut by them."""
-    commands = np.clip(mean_motion(setup.simulator, policy).commands[0], *setup.simulator.limits)
+    commands = np.clip(mean_motion(setup.simulator, policy).commands[0], *setup.simulator.command_range)
     return Calm(commands, policy.mean, 0, 0, 0)
 
 
@@ -80,7 +81,7 @@ def calmer(run: Run, setup: Setup, policy: Policy, calm: Calm, least: float) -> 
     joints = joint_commands(setup.task)
     scale = setup.task.command_scale[joints]
     now = calm.commands[:, joints] / scale
-    low, high = (limit[joints] / scale for limit in setup.simulator.limits)
+    low, high = (limit[joints] / scale for limit in setup.simulator.command_range)
     proposals, spans = propose(now, low, high, PROPOSALS, rng)
     simulated: list[Trajectories] = []
 
@@ -115,9 +116,37 @@ def calmer(run: Run, setup: Setup, policy: Policy, calm: Calm, least: float) -> 
     return Calm(kept.commands, kept.offsets, calm.batches + 1, calm.episodes + episodes, calm.env_steps + env_steps)
 
 
+def simplified(
+    run: Run, setup: Setup, policy: Policy, robustness: float, share: float, batches: int, start: Calm
+) -> Iterator[Calm]:
+    """The motion of a learned policy after each batch.
+
+    Args:
+      run, setup: of the policy.
+      policy: the learned one.
+      robustness: of its mean motion, positive.
+      share: of it that has to be kept.
+      batches: how many in all.
+      start: where it was stopped, or how it begins.
+
+    Yields:
+      How far it is, first as it starts.
+    """
+    calm = start
+    yield calm
+    while calm.batches < batches:
+        calm = calmer(run, setup, policy, calm, floor(robustness, share, calm.batches, batches))
+        yield calm
+
+
 def calm_policy(policy: Policy, calm: Calm) -> Policy:
     """The policy that follows a calm motion with the learned one's feedback, and explores no more."""
     return Policy(policy.gain, calm.offsets, np.zeros_like(policy.covariance), policy.correlation)
+
+
+def joint_commands(task: Task) -> slice:
+    """Which commands move joints; all of them, unless the task says which."""
+    return slice(None) if task.joints is None else task.command_slices[task.joints.speeds]
 
 
 def cost(commands: Array) -> Array:
