@@ -11,8 +11,10 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import functools
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +28,8 @@ from tltlrl.training.calm import begin, calm_policy, simplified
 from tltlrl.training.verdict import judge
 
 
-def rows_of(folder: Path, batches: int, share: float, trials: int) -> Iterator[dict[str, Any]]:
-    """Both policies of one finished run."""
+def rows_of(folder: Path, batches: int, share: float, trials: int) -> list[dict[str, Any]]:
+    """Both policies of one finished run; the calm one only where the learned one satisfies its spec."""
     run, policy = open_run(folder)
     run = dataclasses.replace(run, trials=trials)
     setup = set_up(run)
@@ -39,11 +41,12 @@ def rows_of(folder: Path, batches: int, share: float, trials: int) -> Iterator[d
         return labels | {"policy": name} | worth | outcomes | found["motion"] | cost
 
     learned = judge(run, setup, policy)
-    yield row("learned", learned, batches=0, episodes=0)
+    rows = [row("learned", learned, batches=0, episodes=0)]
     if learned["satisfied"]:
         *_, calm = simplified(run, setup, policy, learned["robustness_policy"], share, batches, begin(setup, policy))
         found = judge(run, setup, calm_policy(policy, calm))
-        yield row("calm", found, batches=calm.batches, episodes=calm.episodes)
+        rows.append(row("calm", found, batches=calm.batches, episodes=calm.episodes))
+    return rows
 
 
 def overview(table: pd.DataFrame) -> pd.DataFrame:
@@ -63,12 +66,15 @@ def main(arguments: Sequence[str]) -> None:
     parser.add_argument("--batches", type=int, default=100)
     parser.add_argument("--share", type=float, default=0.7, help="of the learned robustness that is kept")
     parser.add_argument("--trials", type=int, default=100)
+    parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--output", type=Path, help="a CSV file, written anew after every run")
     a = parser.parse_args(arguments)
+    paths = [path for folder in a.folders for path in finished(folder)]
     rows: list[dict[str, Any]] = []
-    for folder in a.folders:
-        for path in finished(folder):
-            rows += rows_of(path, a.batches, a.share, a.trials)
+    with ProcessPoolExecutor(a.workers) as pool:
+        asked = functools.partial(rows_of, batches=a.batches, share=a.share, trials=a.trials)
+        for both in pool.map(asked, paths):
+            rows += both
             if a.output:
                 pd.DataFrame(rows).to_csv(a.output, index=False)
     table = pd.DataFrame(rows)

@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 PROPOSALS = 20  # simulated per batch
 NOISY = 10  # trials that a replacement has to stand, all of them
-SPEED = 0.0025  # weight of a squared command beside a squared change of it, both as shares of a full command
+SPEED = 0.03  # weight of a squared command beside a squared change of it, both as shares of a full command
 DRAWS = 20  # per proposal that is wanted, at most: most cost more than what they replace, or are too fast
 SPENDING = 0.7  # share of the batches over which the floor of the robustness sinks
 FIXED = 1e6  # weight of what smoothing must not move
