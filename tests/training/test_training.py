@@ -13,8 +13,10 @@ from tltlrl.errors import UserError
 from tltlrl.learning.reps import reward_to_go, solve_dual
 from tltlrl.learning.scores import leximin
 from tltlrl.simulation.trials import mean_motion
+from tltlrl.training import calm as calm_module
 from tltlrl.training import session
 from tltlrl.training.build import first_policy, make_reward, refined_policy, set_up
+from tltlrl.training.calm import calmer
 from tltlrl.training.loop import iterate
 from tltlrl.training.session import learned_policy, train
 from tltlrl.training.study import AlgorithmConfig
@@ -324,6 +326,56 @@ def test_mistakes_in_the_second_stage_are_told_before_anything_runs(refine, mess
 def test_basis_functions_do_not_go_with_rewards_of_single_steps():
     with pytest.raises(UserError, match=r"algorithm\.basis: continuous_step learns from the rewards of single steps"):
         runs("cases=[continuous_step]", "algorithm.basis=5")
+
+
+def test_a_learned_motion_is_made_calm_and_stopped_on_the_way_comes_to_the_same_bytes(tmp_path, monkeypatch):
+    """The learned policy stays as it is; the calm one is of its own and keeps the feedback."""
+    options = ("cases=[tltl_episodic]", "spec=" + str(write_spec(tmp_path)))
+    plain = runs(*options)["tltl_episodic"]
+    run = runs(*options, "algorithm.calm=4")["tltl_episodic"]
+    train(plain, tmp_path / "plain", lambda _: None)
+    train(run, tmp_path / "undisturbed", lambda _: None)
+    learned, calm = (learned_policy(tmp_path / "undisturbed", name) for name in ("policy.npz", "calm.npz"))
+    assert not (tmp_path / "plain" / "calm.npz").exists()
+    assert (tmp_path / "plain" / "policy.npz").read_bytes() == (tmp_path / "undisturbed" / "policy.npz").read_bytes()
+    np.testing.assert_array_equal(calm.gain, learned.gain)
+    assert not calm.covariance.any()
+    done = json.loads((tmp_path / "undisturbed" / "done.json").read_text())
+    assert done["satisfied"]
+    assert done["calm"]["robustness_policy"] >= 0.7 * done["robustness_policy"]
+    assert done["calm"]["motion"]["acceleration_rms"] < 0.5 * done["motion"]["acceleration_rms"]
+    assert done["calm"]["batches"] == 4
+    assert done["calm"]["episodes"] >= 4 * 20
+
+    monkeypatch.setattr(session, "CHECKPOINT_SECONDS", 0.0)
+
+    def stop_in_the_third(run, setup, policy, calm, floor):
+        if calm.batches == 2:
+            raise Stop
+        return calmer(run, setup, policy, calm, floor)
+
+    monkeypatch.setattr(calm_module, "calmer", stop_in_the_third)
+    with pytest.raises(Stop):
+        train(run, tmp_path / "stopped", lambda _: None)
+    assert not (tmp_path / "stopped" / "done.json").exists()
+    begun = []
+
+    def noted(run, setup, policy, calm, floor):
+        begun.append(calm.batches)
+        return calmer(run, setup, policy, calm, floor)
+
+    monkeypatch.setattr(calm_module, "calmer", noted)
+    train(run, tmp_path / "stopped", lambda _: None)
+    assert begun == [2, 3]  # it went on from its own checkpoint
+    for name in ("progress.csv", "policy.npz", "calm.npz", "done.json"):
+        assert (tmp_path / "stopped" / name).read_bytes() == (tmp_path / "undisturbed" / name).read_bytes(), name
+    assert not list((tmp_path / "stopped").glob("*checkpoint*"))
+
+
+def write_spec(folder):
+    path = folder / "away.tltl"
+    path.write_text("signal ee[2]\nspec: G ee.x > -10\n")
+    return path
 
 
 @pytest.mark.parametrize("unit", [1e-3, 40.0, 1e3])

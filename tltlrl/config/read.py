@@ -132,7 +132,8 @@ def _refinement(values: Mapping[str, Any], learners: Iterable[str]) -> dict[str,
     where, after = "algorithm.refine", changed.pop("after", None)
     if type(after) is not int or after < 1:
         raise UserError(f"{where}.after: expected the iterations of the first stage, a whole number, not {after!r}")
-    same = [name for name in ("iterations", "samples", "told", "normalise", "keep", "refine") if name in changed]
+    common = ("iterations", "samples", "told", "normalise", "keep", "calm", "calm_share", "refine")
+    same = [name for name in common if name in changed]
     if same:
         raise UserError(
             f"{where}.{same[0]}: it is the same in both stages; set algorithm.{same[0]}, and leave it out here"

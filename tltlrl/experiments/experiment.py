@@ -26,7 +26,7 @@ from tltlrl.reports.report import write_report
 from tltlrl.reports.workspace import draw_workspace
 from tltlrl.store import layout
 from tltlrl.store.files import clear_leftovers, digest, write_bytes, write_json, write_text
-from tltlrl.store.layout import CONFIG, DONE, LOG, MANIFEST, POLICY, SPECS, START, WORKSPACE
+from tltlrl.store.layout import CALM, CALM_WORKSPACE, CONFIG, DONE, LOG, MANIFEST, POLICY, SPECS, START, WORKSPACE
 from tltlrl.store.run import DamagedError, read_checkpoint, read_results, robustness_so_far, shelve_checkpoint
 from tltlrl.training.build import cut_windows, make_task
 from tltlrl.training.session import learned_policy, shorter_run
@@ -151,6 +151,15 @@ def draw_cases(folder: Path, study: Study, results: Mapping[Path, Mapping[str, A
         if done and min(map(_written, pictures)) <= max(_written(path / POLICY) for path in done):
             median = done[(len(done) - 1) // 2]
             draw_workspace(runs[median], learned_policy(median), folder / case.name / WORKSPACE)
+            clear_pictures(folder / case.name / CALM_WORKSPACE)
+            if (calm := open_calm(median)) is not None:
+                draw_workspace(runs[median], calm, folder / case.name / CALM_WORKSPACE)
+
+
+def clear_pictures(path: Path) -> None:
+    """Deletes a picture in all its formats, if there is one."""
+    for suffix in FORMATS:
+        path.with_name(f"{path.name}{suffix}").unlink(missing_ok=True)
 
 
 def _written(path: Path) -> float:
@@ -185,6 +194,18 @@ def open_run(folder: Path) -> tuple[Run, Policy]:
                 ) from error
             return run, policy
     raise UserError(f"{folder}: {above / CONFIG} knows no such case and seed")
+
+
+def open_calm(folder: Path) -> Policy | None:
+    """The calm policy of a finished run that `open_run` has read; None if it has none.
+
+    Raises:
+      UserError: if its file cannot be read.
+    """
+    try:
+        return learned_policy(folder, CALM) if (folder / CALM).exists() else None
+    except DamagedError as error:
+        raise UserError(f"{folder}: {error}; start its tltl-run again, which computes anew what is damaged") from error
 
 
 def compute(folder: Path, study: Study, machinery: Machinery, missing: list[Run], progress: Progress) -> dict[str, str]:

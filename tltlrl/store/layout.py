@@ -26,14 +26,16 @@ CURVES, SUMMARY, SUMMARY_PAGE, REPORT, FIGURE = (
     "learning_curves",
 )
 # Of a case.
-WORKSPACE = "workspace"
+WORKSPACE, CALM_WORKSPACE = "workspace", "workspace_calm"
 # Of a run.
-PROGRESS, TIMING, POLICY, DONE, CHECKPOINT, LAST = (
+PROGRESS, TIMING, POLICY, CALM, DONE, CHECKPOINT, CALM_CHECKPOINT, LAST = (
     "progress.csv",
     "timing.csv",
     "policy.npz",
+    "calm.npz",
     "done.json",
     "checkpoint.npz",
+    "calm_checkpoint.npz",
     "last.npz",
 )
 # Of a search.

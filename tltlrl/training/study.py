@@ -30,6 +30,8 @@ LATER = {  # than 0.1, with their defaults
     "refine": {},
     "policy": "",
     "batches": 1,
+    "calm": 0,
+    "calm_share": 0.7,
 }
 
 
@@ -70,6 +72,13 @@ class AlgorithmConfig:
         "last",
         choices=("last", "best"),
     )
+    calm: int = setting(
+        "batches of 20 proposals by which the learned motion is made calm afterwards, as a policy beside it; 0: none",
+        0,
+        least=0,
+        budget=True,
+    )
+    calm_share: float = setting("share of the learned robustness that a calm motion has to keep", 0.7, above=0, most=1)
     refine: dict[str, Any] = setting(
         "a second stage about the motion that the first one learned: after (iterations), and any other key of "
         "algorithm that is to change",
