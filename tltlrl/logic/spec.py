@@ -1,7 +1,7 @@
 """`Spec`: a formula with its signals and constants, ready to be evaluated on batches of trajectories."""
 
 from collections.abc import Iterator, Mapping
-from functools import lru_cache
+from functools import cached_property, lru_cache, partial
 from numbers import Real
 from pathlib import Path
 from types import MappingProxyType
@@ -14,9 +14,12 @@ from tltlrl.logic.declarations import Value
 from tltlrl.logic.errors import Source, Span, SpecError, TraceError
 from tltlrl.logic.explain import Explanation, explain
 from tltlrl.logic.graph import Array
+from tltlrl.logic.monitor import Monitor
 from tltlrl.logic.parser import parse
+from tltlrl.logic.pursuit import Compiled, compiled
 from tltlrl.logic.resolve import Meaning, Region, resolve
-from tltlrl.logic.semantics import Plan, Signals, plan
+from tltlrl.logic.semantics import Plan, Signals, Values, plan
+from tltlrl.logic.terms import UnsupportedError
 
 # Values of one block of trajectories: small enough that the arrays of a formula stay in a core's cache.
 BLOCK = 32_768
@@ -225,6 +228,66 @@ class Spec:
         self._over_time(batch, tuple({self._meaning.root, *named}))  # finds expressions without a finite value
         return tuple(explain(self._meaning, self._source.name, batch.single(row)) for row in range(batch.count))
 
+    def monitor(self, count: int = 1, period: float | None = None) -> Monitor:
+        """Robustness while trajectories run, one sample after the other; docs/online.md tells how.
+
+        Args:
+          count: of trajectories that run side by side.
+          period: between two samples, s; needed where bounds are in seconds and the spec does not say it.
+
+        Raises:
+          SpecError: if the period is not known, or for an operator that cannot be monitored.
+          ValueError: if count is not positive.
+        """
+        if count < 1:
+            raise ValueError(f"count is {count}; expected 1 or more trajectories")
+        if period is not None and period != self.period:
+            return self.sampled(period).monitor(count)
+        if self.period is None and self.counts_seconds:
+            raise self._without_period(SpecError)
+        ready = self._compiled
+        return Monitor(ready, count, partial(self._sample, ready, count))
+
+    @cached_property
+    def _compiled(self) -> Compiled:
+        whole = self._meaning.document.formula
+        try:
+            return compiled(self._meaning.graph, self._meaning.root)
+        except UnsupportedError as operator:
+            problem = f"a monitor does not know '{operator}'; expected operators that look forward"
+        except RecursionError:
+            problem = "the formula nests too deep to be monitored; expected fewer operators inside each other"
+        raise SpecError(self._source, whole.span, f"{problem}; evaluate whole recordings instead, as tltl check does")
+
+    def _sample(self, ready: Compiled, count: int, signals: Mapping[str, ArrayLike], step: int) -> Values:
+        """The atoms of a monitor at one sample of its trajectories."""
+        batch = _Batch(self._meaning, self._source, self._one_sample(signals, count), None, step)
+        rows, block = slice(0, count), batch.whole()
+        try:
+            return ready.plan.run(block)
+        except FloatingPointError:
+            raise batch.failure(ready.plan, rows, block) from None
+
+    def _one_sample(self, signals: Mapping[str, ArrayLike], count: int) -> Mapping[str, ArrayLike]:
+        """The signals of one sample as trajectories of one sample."""
+        arrays: dict[str, ArrayLike] = dict(signals)
+        for name, dimension in self._meaning.signals.items():
+            if name not in signals:
+                continue  # the batch says so
+            value = np.asarray(signals[name])
+            own = () if dimension is None else (dimension,)
+            if value.shape == own and count == 1:
+                value = value[None]
+            if value.shape != (count, *own):
+                raise TraceError(
+                    self._source,
+                    self._meaning.signal_spans[name],
+                    f"signal '{name}' has shape {value.shape}; expected {(count, *own)}, a sample of each trajectory; "
+                    "reshape it, or ask for a monitor of another count",
+                )
+            arrays[name] = value[:, None]
+        return arrays
+
     def _make_plan(self, roots: tuple[int, ...], end: int, first: bool) -> Plan:
         return plan(self._meaning.graph, dict.fromkeys(roots, (0, 1) if first else (0, end)), end)
 
@@ -280,9 +343,15 @@ class _Batch:
     """
 
     def __init__(
-        self, meaning: Meaning, source: Source, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None
+        self,
+        meaning: Meaning,
+        source: Source,
+        signals: Mapping[str, ArrayLike],
+        lengths: ArrayLike | None,
+        origin: int = 0,
     ) -> None:
         self.meaning, self.source = meaning, source
+        self.origin = origin  # the number of the first sample, in messages
         if not isinstance(signals, Mapping):
             raise self.error(
                 next(iter(meaning.signals)),
@@ -382,7 +451,7 @@ class _Batch:
             row, step = map(int, bad[0])
             raise self.error(
                 name,
-                f"signal '{name}' is {array[row, step]} at trajectory {row}, step {step}; expected "
+                f"signal '{name}' is {array[row, step]} at trajectory {row}, step {step + self.origin}; expected "
                 f"finite numbers; "
                 "repair the recording or cut it with lengths",
             )
@@ -406,6 +475,10 @@ class _Batch:
             else:
                 parts.update({(name, i): array[:, :, i] for i in range(array.shape[2])})
         return parts
+
+    def whole(self) -> dict[tuple[str, int | None], Array]:
+        """The signals of all trajectories."""
+        return self._block(slice(0, self.count))
 
     def single(self, row: int) -> dict[tuple[str, int | None], Array]:
         """One trajectory's signals, cut to its length."""
@@ -431,6 +504,6 @@ class _Batch:
         return TraceError(
             self.source,
             place.span,
-            f"'{place.text}' has no finite value at trajectory {row}, step {step}: {problem}; "
+            f"'{place.text}' has no finite value at trajectory {row}, step {step + self.origin}: {problem}; "
             "expected a finite number; guard the expression or repair the recording",
         )

@@ -1,0 +1,91 @@
+"""Robustness while a trajectory runs: exact at every sample, with bounds of what can still become of it.
+
+docs/online.md tells how, with the proof.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tltlrl.logic.graph import Array
+from tltlrl.logic.pursuit import Compiled, Late, Quick
+from tltlrl.logic.semantics import Values
+
+
+class Reading(NamedTuple):
+    """What is known of N trajectories after a sample.
+
+    Attributes:
+      robustness: (N,), if they ended now.
+      lower, upper: (N,), which the robustness stays between, however they go on.
+      decided: (N,), whether these two agree.
+      state: (N, M). With it and the samples that follow, nothing else is needed to know all later readings. It may
+        hold infinities. None where the whole past is kept, see `Monitor.keeps_past`.
+    """
+
+    robustness: Array
+    lower: Array
+    upper: Array
+    decided: NDArray[np.bool_]
+    state: Array | None
+
+
+class Monitor:
+    """Robustness of `count` trajectories that run side by side; see `Spec.monitor`.
+
+    Attributes:
+      count: of trajectories.
+      steps: samples read so far.
+    """
+
+    def __init__(self, spec: Compiled, count: int, sample: Callable[[Mapping[str, ArrayLike], int], Values]) -> None:
+        self.count, self._spec, self._sample = count, spec, sample
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget all samples; the next one is the first of new trajectories."""
+        self.steps = 0
+        spec, slow = self._spec, [clause for clause in self._spec.clauses if clause.is_slow]
+        self._pursuits: list[Quick | Late] = [Late(spec, clause, self.count) for clause in slow]
+        if len(slow) < len(spec.clauses):
+            self._pursuits.append(Quick(spec, self.count))
+
+    @property
+    def keeps_past(self) -> bool:
+        """Whether all samples are kept, and a reading takes longer the longer the trajectories are: exact, too."""
+        return any(clause.automaton is None for clause in self._spec.clauses)
+
+    def update(self, signals: Mapping[str, ArrayLike]) -> Reading:
+        """One more sample.
+
+        Args:
+          signals: name => (N,) for a scalar, (N, d) for a vector; of a single trajectory also a number, (d,).
+
+        Raises:
+          TraceError: as `Spec.robustness`; the sample then counts as not read.
+        """
+        values = self._sample(signals, self.steps)
+        literals = np.empty((1 + len(self._spec.literals), self.count))
+        literals[0] = np.inf
+        for row, literal in enumerate(self._spec.literals, start=1):
+            if literal in self._spec.atoms:
+                node, sign = self._spec.atoms[literal]
+                literals[row] = values[node][:, 0]
+                if not sign:
+                    np.negative(literals[row], out=literals[row])
+            else:
+                low, high, inside = self._spec.clocks[literal]
+                literals[row] = np.inf if (low <= self.steps <= high) == inside else -np.inf
+        read = [pursuit.update(literals, self.steps) for pursuit in self._pursuits]
+        robustness, lower, upper = read[0] if len(read) == 1 else map(np.minimum.reduce, zip(*read, strict=True))
+        self.steps += 1
+        return Reading(robustness, lower, upper, lower == upper, self._state())
+
+    def _state(self) -> Array | None:
+        parts = [pursuit.state() for pursuit in self._pursuits]
+        if any(part is None for part in parts):
+            return None
+        steps = [np.full((1, self.count), float(self.steps))] if self._spec.clocks else []
+        return np.concatenate([*(part for part in parts if part is not None), *steps]).T
