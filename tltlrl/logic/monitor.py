@@ -38,6 +38,8 @@ class Monitor:
     Attributes:
       count: of trajectories.
       steps: samples read so far.
+      pursuits: of its clauses.
+      literals: their values at the last sample, (1 + literals, N).
     """
 
     def __init__(self, spec: Compiled, count: int, sample: Callable[[Mapping[str, ArrayLike], int], Values]) -> None:
@@ -48,14 +50,23 @@ class Monitor:
         """Forget all samples; the next one is the first of new trajectories."""
         self.steps = 0
         spec, slow = self._spec, [clause for clause in self._spec.clauses if clause.is_slow]
-        self._pursuits: list[Quick | Late] = [Late(spec, clause, self.count) for clause in slow]
+        self.literals = np.empty((0, self.count))
+        self.pursuits: list[Quick | Late] = [Late(spec, clause, self.count) for clause in slow]
         if len(slow) < len(spec.clauses):
-            self._pursuits.append(Quick(spec, self.count))
+            self.pursuits.append(Quick(spec, self.count))
 
     @property
     def keeps_past(self) -> bool:
         """Whether all samples are kept, and a reading takes longer the longer the trajectories are: exact, too."""
         return any(clause.automaton is None for clause in self._spec.clauses)
+
+    def atom_rows(self) -> dict[int, int]:
+        """Which row of `literals` holds which literal, clocks left out."""
+        return {row: one for row, one in enumerate(self._spec.literals, start=1) if one in self._spec.atoms}
+
+    def atom(self, literal: int) -> tuple[int, bool]:
+        """The node of the spec's graph that a literal reads, and False if it reads the negation."""
+        return self._spec.atoms[literal]
 
     def update(self, signals: Mapping[str, ArrayLike]) -> Reading:
         """One more sample.
@@ -72,19 +83,18 @@ class Monitor:
         for row, literal in enumerate(self._spec.literals, start=1):
             if literal in self._spec.atoms:
                 node, sign = self._spec.atoms[literal]
-                literals[row] = values[node][:, 0]
-                if not sign:
-                    np.negative(literals[row], out=literals[row])
+                (np.positive if sign else np.negative)(values[node][:, 0], out=literals[row])
             else:
                 low, high, inside = self._spec.clocks[literal]
                 literals[row] = np.inf if (low <= self.steps <= high) == inside else -np.inf
-        read = [pursuit.update(literals, self.steps) for pursuit in self._pursuits]
+        read = [pursuit.update(literals, self.steps) for pursuit in self.pursuits]
         robustness, lower, upper = read[0] if len(read) == 1 else map(np.minimum.reduce, zip(*read, strict=True))
         self.steps += 1
+        self.literals = literals
         return Reading(robustness, lower, upper, lower == upper, self._state())
 
     def _state(self) -> Array | None:
-        parts = [pursuit.state() for pursuit in self._pursuits]
+        parts = [pursuit.state() for pursuit in self.pursuits]
         if any(part is None for part in parts):
             return None
         steps = [np.full((1, self.count), float(self.steps))] if self._spec.clocks else []

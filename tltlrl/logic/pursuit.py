@@ -5,7 +5,7 @@ steps late as the window is long, and the samples since then are evaluated as a 
 does not help, the whole past is kept: just as exact, and slower the longer it runs.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -183,6 +183,13 @@ class Together:
             heads,
         )
 
+    def transitions(self) -> Iterator[tuple[int, Sequence[int], int]]:
+        """From which state, with which rows of literals, to which."""
+        lists = [part.tolist() for part in np.split(self.rows, self.starts[1:])]
+        into = np.repeat(self.targets, np.diff(self.heads, append=len(self.sources)))
+        for source, guard, target in zip(self.sources.tolist(), self.guards.tolist(), into.tolist(), strict=True):
+            yield source, lists[guard], target
+
     def start(self, count: int) -> Array:
         """The states' values before the first sample, (states, N)."""
         alpha = np.full((self.count, count), -np.inf)
@@ -234,12 +241,17 @@ class Summary:
 
 
 class Quick:
-    """Clauses whose automata are up to date."""
+    """Clauses whose automata are up to date.
+
+    Attributes:
+      together: all of them.
+      alpha: the states' values, (states, N).
+    """
 
     def __init__(self, spec: Compiled, count: int) -> None:
-        self._spec, self._together = spec, spec.quick
-        self.alpha = self._together.start(count)
-        own = {literal for one in self._together.automata for _, guard, _ in one.transitions for literal in guard}
+        self._spec, self.together = spec, spec.quick
+        self.alpha = self.together.start(count)
+        own = {literal for one in self.together.automata for _, guard, _ in one.transitions for literal in guard}
         self._clocks = {literal: clock for literal, clock in spec.clocks.items() if literal in own}
         self._summaries: dict[tuple[frozenset[int], frozenset[int]], Summary] = {}
         self._turns = {edge for low, high, _ in self._clocks.values() for edge in (low - 1, high)}
@@ -247,7 +259,7 @@ class Quick:
 
     def update(self, literals: Array, step: int) -> tuple[Array, Array, Array]:
         """One more sample, of whose literals the values are (1 + literals, N): robustness, lower, upper."""
-        self.alpha = self._together.step(self.alpha, literals)
+        self.alpha = self.together.step(self.alpha, literals)
         if step in self._turns or step == 0:
             self._summary = self._summary_after(step)
         return self._summary.read(self.alpha)
@@ -256,7 +268,7 @@ class Quick:
         """What is looked at when the next sample is step + 1."""
         key = settled(self._clocks, step)
         if key not in self._summaries:
-            self._summaries[key] = Summary.of(self._together, *key)
+            self._summaries[key] = Summary.of(self.together, *key)
         return self._summaries[key]
 
     def state(self) -> Array:
@@ -265,14 +277,19 @@ class Quick:
 
 
 class Late:
-    """A clause whose automaton is some samples behind; without an automaton, it never starts."""
+    """A clause whose automaton is some samples behind; without an automaton, it never starts.
+
+    Attributes:
+      together: the automaton.
+      alpha: the states' values, (states, N).
+    """
 
     def __init__(self, spec: Compiled, clause: Clause, count: int) -> None:
         self._spec, self._clause = spec, clause
         automaton = clause.automaton or Automaton((frozenset({(True, clause.term)}),), ())
         self._bounded = sorted({one for _, guard, _ in automaton.transitions for one in guard} - set(spec.literals))
-        self._together = Together.of([automaton], (*spec.literals, *self._bounded))
-        self._alpha = self._together.start(count)
+        self.together = Together.of([automaton], (*spec.literals, *self._bounded))
+        self.alpha = self.together.start(count)
         self._past: list[Array] = []  # one (1 + literals, N) per sample that the automaton has not seen
 
     def update(self, literals: Array, step: int) -> tuple[Array, Array, Array]:
@@ -281,7 +298,7 @@ class Late:
         if self._clause.automaton is not None and len(self._past) > self._clause.delay:
             oldest = self._slice(None)
             bounded = [oldest.of(term)[:, 0] for term in self._bounded]
-            self._alpha = self._together.step(self._alpha, np.stack([*self._past.pop(0), *bounded]))
+            self.alpha = self.together.step(self.alpha, np.stack([*self._past.pop(0), *bounded]))
         never, forever = settled(self._spec.clocks, step)
         return self._read(None), self._read(Ahead(False, never, forever)), self._read(Ahead(True, never, forever))
 
@@ -291,9 +308,9 @@ class Late:
 
     def _read(self, ahead: Ahead | None) -> Array:
         """The best way through a state, and its obligations on the samples since then."""
-        (automaton,), best = self._together.automata, self._alpha[0]
+        (automaton,), best = self.together.automata, self.alpha[0]
         rest = self._slice(ahead)
-        for state, alpha in zip(automaton.states, self._alpha[1:], strict=True):
+        for state, alpha in zip(automaton.states, self.alpha[1:], strict=True):
             best = np.maximum(best, np.minimum(alpha, rest.all_of(state)[:, 0]))
         return best
 
@@ -302,8 +319,8 @@ class Late:
         if self._clause.automaton is None:
             return None
         missing = self._clause.delay - len(self._past)
-        nothing = np.full((missing * (1 + len(self._spec.literals)), self._alpha.shape[1]), np.nan)
-        return np.concatenate([self._alpha[1:], *self._past, nothing])
+        nothing = np.full((missing * (1 + len(self._spec.literals)), self.alpha.shape[1]), np.nan)
+        return np.concatenate([self.alpha[1:], *self._past, nothing])
 
 
 def settled(clocks: Mapping[int, Clock], step: int) -> tuple[frozenset[int], frozenset[int]]:

@@ -20,6 +20,7 @@ from tltlrl.logic.pursuit import Compiled, compiled
 from tltlrl.logic.resolve import Meaning, Region, resolve
 from tltlrl.logic.semantics import Plan, Signals, Values, plan
 from tltlrl.logic.terms import UnsupportedError
+from tltlrl.logic.witness import Witnessed
 
 # Values of one block of trajectories: small enough that the arrays of a formula stay in a core's cache.
 BLOCK = 32_768
@@ -247,6 +248,18 @@ class Spec:
             raise self._without_period(SpecError)
         ready = self._compiled
         return Monitor(ready, count, partial(self._sample, ready, count))
+
+    def watch(self, period: float | None = None) -> Witnessed:
+        """A monitor of one trajectory that also says what decides, as `explain` does.
+
+        Args:
+          period: between two samples, s.
+
+        Raises:
+          SpecError: as `monitor`.
+        """
+        spec = self if period is None else self.sampled(period)
+        return Witnessed(spec.monitor(), spec._meaning, spec._source.name)
 
     @cached_property
     def _compiled(self) -> Compiled:
