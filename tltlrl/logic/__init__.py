@@ -9,7 +9,8 @@ docs/spec-language.md describes the language. This package needs NumPy and lark,
 
 from tltlrl.logic.errors import SpecError, TraceError
 from tltlrl.logic.explain import Explanation
+from tltlrl.logic.potential import telescope
 from tltlrl.logic.resolve import Region
 from tltlrl.logic.spec import Spec, load_spec, parse_spec
 
-__all__ = ["Explanation", "Region", "Spec", "SpecError", "TraceError", "load_spec", "parse_spec"]
+__all__ = ["Explanation", "Region", "Spec", "SpecError", "TraceError", "load_spec", "parse_spec", "telescope"]

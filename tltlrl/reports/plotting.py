@@ -26,6 +26,7 @@ STYLES: dict[str, dict[str, Any]] = {
     "continuous_episodic": {"color": "#0072B2", "linestyle": "-."},
     "discrete_step": {"color": "#E69F00", "linestyle": ":"},
     "continuous_step": {"color": "#3E9ED6", "linestyle": (0, (5, 1, 1, 1, 1, 1))},
+    "tltl_step": {"color": "#009E73", "linestyle": (0, (1, 1))},
 }
 LABELS = {
     "tltl_episodic": "TLTL robustness, episode-based",
@@ -33,6 +34,7 @@ LABELS = {
     "continuous_episodic": "continuous, episode-based",
     "discrete_step": "discrete, step-based",
     "continuous_step": "continuous, step-based",
+    "tltl_step": "TLTL robustness, step-based",
 }
 FONT: dict[Any, Any] = {"font.size": 9, "axes.titlesize": 9, "legend.fontsize": 8, "pdf.fonttype": 42}
 FORMATS = {".png": {"Software": None}, ".pdf": {"CreationDate": None}}  # without what differs between two savings

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tltlrl.learning.learner import Scores
+from tltlrl.logic import telescope
 from tltlrl.tasks.task import Signals, StepReward
 from tltlrl.training.build import Setup
 from tltlrl.training.study import Run
@@ -57,7 +58,11 @@ def iterate(run: Run, setup: Setup, state: Any, iteration: int) -> Iteration:
     signals = setup.task.signals(trajectories.features, trajectories.commands)
     robustness = run.spec.robustness(signals, trajectories.lengths)
     sampled, of_policy = robustness[:samples], robustness[samples]
-    scores = score(setup.reward, {name: values[:samples] for name, values in signals.items()}, sampled)
+    of_samples = {name: values[:samples] for name, values in signals.items()}
+    rewards = None
+    if setup.reward is None and learner.by_step:
+        rewards = telescope(run.spec, of_samples, trajectories.lengths[:samples])
+    scores = score(setup.reward, of_samples, sampled, rewards)
     following, diagnostics = learner.tell(state, offsets[:samples], scores)
     record = {
         "return_mean": scores.returns.mean(),
@@ -72,7 +77,7 @@ def iterate(run: Run, setup: Setup, state: Any, iteration: int) -> Iteration:
     return Iteration(following, {name: float(value) for name, value in record.items()}, env_steps, physics_seconds)
 
 
-def score(reward: StepReward | None, signals: Signals, robustness: Array) -> Scores:
+def score(reward: StepReward | None, signals: Signals, robustness: Array, telescoped: Array | None = None) -> Scores:
     """What the learner is told, in the reward's own units.
 
     After an early end a hand-made reward goes on as at the last sample (an absorbing state): otherwise an episode
@@ -82,8 +87,9 @@ def score(reward: StepReward | None, signals: Signals, robustness: Array) -> Sco
       reward: the hand-made one; None to learn from the robustness.
       signals: of the sampled trajectories, shapes (N, T) and (N, T, k).
       robustness: of the spec on them, shape (N,).
+      telescoped: the same step by step, shape (N, T), for learners that need it.
     """
     if reward is None:
-        return Scores(robustness)
+        return Scores(robustness, telescoped)
     rewards, _ = reward(signals)
     return Scores(rewards.sum(axis=1), rewards)
