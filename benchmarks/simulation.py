@@ -15,9 +15,9 @@ import numpy as np
 from tltlrl.config.compose import compose
 from tltlrl.config.read import read
 from tltlrl.experiments.engine import run_all
-from tltlrl.learning.learner import Scores
 from tltlrl.learning.policy import Policy
 from tltlrl.learning.reps import EpisodeBased, RepsSettings
+from tltlrl.learning.scores import Scores
 from tltlrl.tasks.environment import environment
 from tltlrl.training.build import first_policy as start_of
 from tltlrl.training.build import set_up
@@ -97,12 +97,12 @@ def update() -> Row:
     learner = EpisodeBased(RepsSettings(), 30)
     rng = np.random.default_rng(0)
     optimum = rng.standard_normal((20, 3))
-    policy = Policy(np.zeros((3, 1)), np.zeros((20, 3)), np.tile(np.eye(3), (20, 1, 1)))
+    state = learner.start(Policy(np.zeros((3, 1)), np.zeros((20, 3)), np.tile(np.eye(3), (20, 1, 1))))
     times = []
     for _ in range(200):
         start = time.perf_counter()
-        offsets = learner.ask(policy, 30, rng)
-        policy, _ = learner.tell(policy, offsets, Scores(-np.sum((offsets - optimum) ** 2, axis=(1, 2))))
+        offsets = learner.ask(state, 30, rng)
+        state, _ = learner.tell(state, offsets, Scores(-np.sum((offsets - optimum) ** 2, axis=(1, 2))))
         times.append(time.perf_counter() - start)
     return "REPS, 60 dimensions, 30 samples: ms per update", 1e3 * statistics.median(times), 0.5, "<="
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from tltlrl.errors import UserError
-from tltlrl.learning.learner import Scores
 from tltlrl.learning.policy import Policy
 from tltlrl.learning.reps import EpisodeBased, RepsSettings
+from tltlrl.learning.scores import Scores
 from tltlrl.registry import LEARNERS
 from tltlrl.training.session import arrays_of, from_arrays
 

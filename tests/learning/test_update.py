@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from tltlrl.learning.learner import Scores
 from tltlrl.learning.policy import Policy
 from tltlrl.learning.reps import EpisodeBased, RepsSettings, StepBased, fit, reward_to_go, solve_dual
+from tltlrl.learning.scores import Scores
 
 
 def problem(n=12, steps=5, d=3, seed=0):
@@ -18,7 +18,8 @@ def problem(n=12, steps=5, d=3, seed=0):
 def updated(kind, offsets, scores, mean, covariance, epsilon=0.5, rule="damped", kept=0.5):
     """The learner's next policy from these samples of the one with this mean and covariance."""
     policy = Policy(np.zeros((mean.shape[1], 1)), mean, covariance)
-    return kind(RepsSettings(epsilon, rule, kept), len(offsets)).tell(policy, offsets, scores)[0]
+    learner = kind(RepsSettings(epsilon, rule, kept), len(offsets))
+    return learner.tell(learner.start(policy), offsets, scores)[0]
 
 
 def test_published_fit_is_the_weighted_maximum_likelihood_of_every_step():
@@ -77,8 +78,8 @@ def test_step_based_guards_a_vanishing_spread_near_the_end():
     _, mean, covariance, offsets = problem()
     rewards = np.random.default_rng(1).normal(size=(12, 5))
     rewards[:, 3:] = 0.25  # all reward-to-go equal from here on
-    learner = StepBased(RepsSettings(epsilon=0.5), 12)
-    weights = learner.weighting(Scores(rewards.sum(axis=1), rewards)).weights
+    worth = StepBased(RepsSettings(epsilon=0.5), 12).worth(Scores(rewards.sum(axis=1), rewards))
+    weights = solve_dual(worth.T, 0.5).weights
     np.testing.assert_allclose(weights[3:], 1 / 12)
     update = updated(StepBased, offsets, Scores(rewards.sum(axis=1), rewards), mean, covariance)
     assert np.isfinite(update.covariance).all()
@@ -94,8 +95,29 @@ def test_the_default_update_finds_the_optimum_of_the_60_dimensional_quadratic(se
     learner = EpisodeBased(RepsSettings(), 30)
     rng = np.random.default_rng(seed)
     optimum = rng.standard_normal((20, 3))
-    policy = Policy(np.zeros((3, 1)), np.zeros((20, 3)), np.tile(np.eye(3), (20, 1, 1)))
+    state = learner.start(Policy(np.zeros((3, 1)), np.zeros((20, 3)), np.tile(np.eye(3), (20, 1, 1))))
     for _ in range(200):
-        offsets = learner.ask(policy, 30, rng)
-        policy, _ = learner.tell(policy, offsets, Scores(-np.sum((offsets - optimum) ** 2, axis=(1, 2))))
-    assert -1e-4 < -np.sum((policy.mean - optimum) ** 2) <= 0
+        offsets = learner.ask(state, 30, rng)
+        state, _ = learner.tell(state, offsets, Scores(-np.sum((offsets - optimum) ** 2, axis=(1, 2))))
+    assert -1e-4 < -np.sum((state.mean - optimum) ** 2) <= 0
+
+
+@pytest.mark.parametrize("kind", [EpisodeBased, StepBased])
+def test_an_update_learns_from_the_last_batches_together(kind):
+    """Three batches told one after the other, each update against the same of the last two told at once."""
+    rng, mean, covariance, _ = problem()
+    policy = Policy(np.zeros((3, 1)), mean, covariance)
+    learner, alone = (kind(RepsSettings(0.5, batches=batches), 12) for batches in (2, 1))
+    state, before = learner.start(policy), None
+    for _ in range(3):
+        offsets = learner.ask(state, 12, rng)
+        rewards = rng.normal(size=(12, 5))
+        both = offsets, rewards
+        if before is not None:
+            both = tuple(map(np.concatenate, zip(before, both, strict=True)))
+        expected, _ = alone.tell(alone.start(learner.policy(state)), both[0], Scores(both[1].sum(axis=1), both[1]))
+        state, _ = learner.tell(state, offsets, Scores(rewards.sum(axis=1), rewards))
+        np.testing.assert_allclose(state.mean, expected.mean, rtol=1e-12)
+        np.testing.assert_allclose(state.covariance, expected.covariance, rtol=1e-12)
+        before = offsets, rewards
+    assert state.offsets.shape == (12, 5, 3)

@@ -47,10 +47,11 @@ def test_runs_in_lockstep_are_the_products_runs(experiment, case):
     curves = train(task, runs[0].spec, Simulator(task), build.first_policy(task, a), learners, a.samples, 3)
     ended_early = 0
     for j, run in enumerate(runs):
-        policy = build.first_policy(task, a)
+        setup = build.set_up(run)
+        state = setup.learner.start(build.first_policy(task, a))
         for i in range(3):
-            result = iterate(run, build.set_up(run), policy, i)
-            policy = result.state
+            result = iterate(run, setup, state, i)
+            state = result.state
             ended_early += result.env_steps < a.samples * task.steps
             np.testing.assert_allclose(curves.samples[i, j], result.record["robustness_mean"], rtol=1e-9)
             np.testing.assert_allclose(curves.policy[i, j], result.record["robustness_policy"], rtol=1e-9)

@@ -174,7 +174,7 @@ def test_mass_centre_and_inertia_are_the_published_ones(physics: toast.Physics, 
 
 
 def test_the_specs_regions_are_where_the_scene_has_them(physics: toast.Physics) -> None:
-    for name in ("toast", "toast_smooth"):
+    for name in ("toast", "toast_eq37", "toast_smooth"):
         constants = load_spec(spec_path(name)).constants
         assert constants["table_height"] == toast.TABLE_HEIGHT == physics.named.data.geom_xpos["table", "z"] + 0.02
         np.testing.assert_array_equal(constants["toaster_centre"], physics.named.data.xpos["toaster"])
@@ -413,4 +413,17 @@ def test_rough_motion_violates_the_spec(opening_step: int) -> None:
     batch = Simulator(task).rollout(gain, (commands - features @ gain.T)[None], np.zeros((1, 100, 8)))
     spec = load_spec(spec_path("toast.tltl"))
     robustness = spec.robustness(task.signals(batch.features, batch.commands), batch.lengths)
-    assert -0.04 < robustness[0] < -0.001
+    assert -0.06 < robustness[0] < -0.001
+
+
+def test_a_gripper_that_reaches_the_slot_with_the_last_sample_and_stays_closed_satisfies_the_printed_formula_alone():
+    """The X of a last sample asks for nothing; the shipped spec asks for the release."""
+    steps = 6
+    ee = np.linspace((0.7, -0.35, 0.3), (0.7, -0.35, 0.05), steps)
+    signals = {"ee": ee[None], "rotation": np.zeros((1, steps, 3)), "gripper": np.zeros((1, steps))}
+    printed, meant = (load_spec(spec_path(f"{name}.tltl")).robustness(signals)[0] for name in ("toast_eq37", "toast"))
+    assert printed == pytest.approx(0.025)
+    assert meant == pytest.approx(-70 * 0.025 / 30)  # how far a closed gripper, at 0, is from one opened to 70
+    signals["gripper"][:, -1] = 100.0
+    signals["ee"][:, -2] = signals["ee"][:, -1]
+    assert load_spec(spec_path("toast.tltl")).robustness(signals)[0] > 0

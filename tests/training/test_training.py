@@ -4,15 +4,18 @@ import json
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from tltlrl.config.compose import compose
 from tltlrl.config.read import read
 from tltlrl.errors import UserError
 from tltlrl.learning.reps import reward_to_go, solve_dual
+from tltlrl.learning.scores import leximin
 from tltlrl.logic import telescope
+from tltlrl.simulation.trials import mean_motion
 from tltlrl.training import session
-from tltlrl.training.build import first_policy, make_reward, set_up
+from tltlrl.training.build import first_policy, make_reward, refined_policy, set_up
 from tltlrl.training.loop import iterate
 from tltlrl.training.session import learned_policy, train
 from tltlrl.training.study import AlgorithmConfig
@@ -58,7 +61,7 @@ def test_every_cases_robustness_is_of_its_own_samples_by_the_same_spec(cases):
     for run in cases.values():
         setup, policy, _, signals = by_hand(run)
         robustness = run.spec.robustness(signals)
-        record = iterate(run, setup, policy, 0).record
+        record = iterate(run, setup, setup.learner.start(policy), 0).record
         np.testing.assert_allclose(record["robustness_mean"], robustness.mean(), atol=1e-9)
         np.testing.assert_allclose(record["robustness_std"], robustness.std(), atol=1e-9)
         np.testing.assert_allclose(record["robustness_min"], robustness.min(), atol=1e-9)
@@ -69,7 +72,7 @@ def test_every_cases_robustness_is_of_its_own_samples_by_the_same_spec(cases):
 def test_each_case_learns_from_its_own_reward(cases):
     for name, run in (cases | runs("cases=[tltl_step]")).items():
         setup, policy, offsets, signals = by_hand(run)
-        result = iterate(run, setup, policy, 0)
+        result = iterate(run, setup, setup.learner.start(policy), 0)
         if run.case.reward == "tltl":
             returns, rewards = run.spec.robustness(signals), telescope(run.spec, signals)
         else:
@@ -87,7 +90,7 @@ def test_the_policys_robustness_is_that_of_the_noise_free_mean(cases):
     setup, policy, _, _ = by_hand(run)
     motion = setup.simulator.rollout(policy.gain, policy.mean[None], np.zeros((1, 30, 3)))
     expected = run.spec.robustness(setup.task.signals(motion.features, motion.commands))[0]
-    record = iterate(run, setup, policy, 0).record
+    record = iterate(run, setup, setup.learner.start(policy), 0).record
     np.testing.assert_allclose(record["robustness_policy"], expected, atol=1e-9)
 
 
@@ -204,3 +207,107 @@ def test_a_wrong_budget_is_refused_wherever_it_is_made(values, message):
     with pytest.raises(UserError) as error:
         AlgorithmConfig(**values)
     assert str(error.value) == message
+
+
+TWO_STAGES = (
+    "cases=[tltl_episodic]", "algorithm.told=leximin", "algorithm.basis=5", "algorithm.batches=3",
+    "algorithm.keep=best",
+    "algorithm.refine={after: 3, basis: 0, feedback: -20, initial_std: 0.1, batches: 2}",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("stop_at", [2, 3, 4])
+def test_stopped_in_either_stage_or_between_them_it_ends_with_the_same_bytes(tmp_path, monkeypatch, stop_at):
+    run = runs(*TWO_STAGES)["tltl_episodic"]
+    train(run, tmp_path / "undisturbed", lambda _: None)
+    monkeypatch.setattr(session, "CHECKPOINT_SECONDS", 0.0)
+
+    def stop(iteration):
+        if iteration == stop_at + 1:
+            raise Stop
+
+    with pytest.raises(Stop):
+        train(run, tmp_path / "stopped", stop)
+    first = []
+    train(run, tmp_path / "stopped", first.append)
+    assert first[0] == stop_at + 1
+    for name in ("progress.csv", "policy.npz", "done.json"):
+        assert (tmp_path / "stopped" / name).read_bytes() == (tmp_path / "undisturbed" / name).read_bytes(), name
+
+
+def test_the_second_stage_explores_about_the_motion_that_the_first_one_learned(cases):
+    """With another feedback: other offsets, the same motion."""
+    setup, policy, _, _ = by_hand(cases["tltl_episodic"])
+    policy = replace(policy, mean=policy.mean + np.random.default_rng(0).normal(0, 1.5, policy.mean.shape))
+    again = AlgorithmConfig(feedback=-20.0, initial_std=0.1, correlation=3.0)
+    refined = refined_policy(setup, policy, again)
+    before, after = (mean_motion(setup.simulator, p) for p in (policy, refined))
+    np.testing.assert_allclose(after.features, before.features, atol=1e-9)
+    assert np.abs(before.commands).max() > 2.0  # the first one asked for more than the actuators can do
+    assert np.abs(after.commands).max() <= 2.0 + 1e-9
+    assert np.sqrt(refined.covariance[7, 1, 1]) == pytest.approx(0.1 * 2.0)
+    assert (refined.correlation, refined.gain[0, 0]) == (3.0, -20.0)
+
+
+def test_leximin_is_told_to_the_learner_alone(cases):
+    told = runs("cases=[tltl_episodic]", "algorithm.told=leximin")["tltl_episodic"]
+    setup, policy, _, signals = by_hand(told)
+    record = iterate(told, setup, setup.learner.start(policy), 0).record
+    exact = iterate(cases["tltl_episodic"], setup, setup.learner.start(policy), 0).record
+    clauses = np.stack(list(told.spec.clauses(signals).values()), axis=1)
+    np.testing.assert_array_equal(clauses.min(axis=1), told.spec.robustness(signals))
+    np.testing.assert_allclose(record["return_mean"], leximin(clauses).mean(), atol=1e-12)
+    for name in ("robustness_mean", "robustness_policy", "satisfied_fraction"):
+        assert record[name] == exact[name]
+
+
+def test_exploration_is_set_for_each_group_of_commands():
+    task = set_up(runs("cases=[tltl_episodic]")["tltl_episodic"]).task
+    policy = first_policy(task, AlgorithmConfig(exploration={"speeds": 0.25}))
+    np.testing.assert_allclose(policy.covariance, np.tile(np.eye(3) * 0.5**2, (task.steps, 1, 1)))
+    with pytest.raises(UserError, match=r"algorithm\.exploration\.speed: reach_avoid has no .*did you mean speeds"):
+        first_policy(task, AlgorithmConfig(exploration={"speed": 0.25}))
+
+
+def test_the_best_mean_policy_may_be_kept(tmp_path):
+    run = runs("cases=[tltl_episodic]", "algorithm.keep=best", "algorithm.initial_std=2")["tltl_episodic"]
+    train(run, tmp_path, lambda _: None)
+    rows = pd.read_csv(tmp_path / "progress.csv")
+    np.testing.assert_array_equal(rows.robustness_kept, rows.robustness_policy.cummax())
+    kept = json.loads((tmp_path / "done.json").read_text())["robustness_policy"]
+    assert kept >= rows.robustness_policy.max()
+
+
+@pytest.mark.parametrize(
+    ("refine", "message"),
+    [
+        ("{after: 3, samples: 9}", r"algorithm\.refine\.samples: it is the same in both stages"),
+        ("{initial_std: 0.1}", r"algorithm\.refine\.after: expected the iterations of the first stage"),
+        ("{after: 0}", r"algorithm\.refine\.after: .* not 0"),
+        ("{after: 3, kept: 1.5}", r"algorithm\.kept: 1.5 is too large"),
+        ("{after: 3, initial_sdt: 1}", r"algorithm\.refine\.initial_sdt: no such key; did you mean"),
+        ("{after: 3, exploration: {fingers: 1}}", r"algorithm\.exploration\.fingers: reach_avoid has no such commands"),
+    ],
+)
+def test_mistakes_in_the_second_stage_are_told_before_anything_runs(refine, message):
+    with pytest.raises(UserError, match=message):
+        runs(f"algorithm.refine={refine}")
+
+
+def test_basis_functions_do_not_go_with_rewards_of_single_steps():
+    with pytest.raises(UserError, match=r"algorithm\.basis: continuous_step learns from the rewards of single steps"):
+        runs("cases=[continuous_step]", "algorithm.basis=5")
+
+
+@pytest.mark.parametrize("unit", [1e-3, 40.0, 1e3])
+def test_with_normalised_predicates_the_unit_of_one_leaves_the_learned_policy_the_same(tmp_path, unit):
+    text = "signal ee[2]\nconst c = 1\nspec: F c * distance(ee, (1.5, 1)) < c * 0.2 & G ee.y > 0.1\n"
+    means = []
+    for c in (1.0, unit):
+        (tmp_path / "task.tltl").write_text(text)
+        overrides = (f"spec={tmp_path / 'task.tltl'}", f"+constants.c={c}", "algorithm.normalise=true")
+        run = runs("cases=[tltl_episodic]", *overrides)["tltl_episodic"]
+        train(run, tmp_path / str(c), lambda _: None)
+        means.append(learned_policy(tmp_path / str(c)).mean)
+        assert json.loads((tmp_path / str(c) / "done.json").read_text())["robustness_policy"] < -0.01  # in own units
+    np.testing.assert_allclose(means[1], means[0], atol=1e-6)

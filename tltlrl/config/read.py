@@ -16,7 +16,7 @@ from tltlrl.logic import load_spec
 from tltlrl.registry import LEARNERS, TASKS
 from tltlrl.resources import spec_path
 from tltlrl.training.build import check, make_task
-from tltlrl.training.study import MOST_SEEDS, TLTL, AlgorithmConfig, Case, Study
+from tltlrl.training.study import MOST_SEEDS, TLTL, AlgorithmConfig, Case, Stage, Study
 
 Settings = TypeVar("Settings")
 
@@ -33,7 +33,8 @@ def read(config: Mapping[str, Any]) -> tuple[Study, Machinery]:
     machinery = Machinery(config["workers"], address, config["runs_dir"], config["overwrite"])
     entry = TASKS.get(str(config["task"].get("name")))
     cases = [case_of(str(name), entry.hand_made) for name in config["cases"]]
-    algorithm, learners = _algorithm(config["algorithm"], dict.fromkeys(case.learner for case in cases))
+    names = list(dict.fromkeys(case.learner for case in cases))
+    algorithm, learners = _algorithm(config["algorithm"], names)
     task: Any = dataclass_from(entry.config, config["task"], "task")
     reward: Any = dataclass_from(entry.reward, config["reward"], "reward")
     settings = {key: value for key, value in config.items() if key in kept()}
@@ -48,6 +49,7 @@ def read(config: Mapping[str, Any]) -> tuple[Study, Machinery]:
         seeds=_seeds(config["seeds"]),
         algorithm=algorithm,
         learners=learners,
+        refine=_refinement(config["algorithm"], names),
         trials=config["trials"],
         settings=settings,
     )
@@ -91,20 +93,41 @@ def case_of(name: str, hand_made: Sequence[str]) -> Case:
     return cases[name]
 
 
-def _algorithm(values: Mapping[str, Any], learners: Iterable[str]) -> tuple[AlgorithmConfig, dict[str, Any]]:
+def _algorithm(
+    values: Mapping[str, Any], learners: Iterable[str], where: str = "algorithm"
+) -> tuple[AlgorithmConfig, dict[str, Any]]:
     """The section `algorithm`: what is the same for every learner, and each learner's own settings by its name.
 
     A learner's setting that the config does not give has its default.
     """
     kinds = {name: LEARNERS.get(name).Settings for name in learners}
-    _known(values, algorithm_settings(kinds.values()), "algorithm")
+    _known(values, algorithm_settings(kinds.values()), where)
 
     def of(kind: type[Settings]) -> dict[str, Any]:
         names = [field.name for field in dataclasses.fields(kind)]  # type: ignore[arg-type]
         return {key: value for key, value in values.items() if key in names}
 
-    common = dataclass_from(AlgorithmConfig, of(AlgorithmConfig), "algorithm")
-    return common, {name: dataclass_from(kind, of(kind), "algorithm", defaults=True) for name, kind in kinds.items()}
+    common = dataclass_from(AlgorithmConfig, of(AlgorithmConfig), where)
+    return common, {name: dataclass_from(kind, of(kind), where, defaults=True) for name, kind in kinds.items()}
+
+
+def _refinement(values: Mapping[str, Any], learners: Iterable[str]) -> dict[str, Stage]:
+    """The second stage of each learner, from `algorithm.refine`; empty if there is none."""
+    changed = dict(values.get("refine") or {})
+    if not changed:
+        return {}
+    where, after = "algorithm.refine", changed.pop("after", None)
+    if type(after) is not int or after < 1:
+        raise UserError(f"{where}.after: expected the iterations of the first stage, a whole number, not {after!r}")
+    same = [name for name in ("iterations", "samples", "told", "normalise", "keep", "refine") if name in changed]
+    if same:
+        raise UserError(
+            f"{where}.{same[0]}: it is the same in both stages; set algorithm.{same[0]}, and leave it out here"
+        )
+    kinds = {name: LEARNERS.get(name).Settings for name in learners}
+    _known(changed, algorithm_settings(kinds.values()), where)
+    algorithm, own = _algorithm({**values, **changed, "refine": {}}, learners, where)
+    return {name: Stage(after, algorithm, own[name]) for name in learners}
 
 
 def _seeds(seeds: int | Sequence[int]) -> tuple[int, ...]:

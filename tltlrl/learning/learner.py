@@ -14,30 +14,17 @@ A learner knows no task, spec or file.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tltlrl.learning.policy import Policy
+from tltlrl.learning.scores import Scores
 
 Array = NDArray[np.float64]
 Diagnostics = dict[str, float]  # the learner's own columns of progress.csv
 State = TypeVar("State")
-
-
-@dataclass(frozen=True)
-class Scores:
-    """What a learner is told of N sampled trajectories.
-
-    Attributes:
-      returns: R_i, shape (N,). -inf is allowed (it cannot be worse); NaN and +inf are not.
-      rewards: r_{i,t}, shape (N, T), where the reward is known per step; otherwise None.
-    """
-
-    returns: Array
-    rewards: Array | None = None
 
 
 class Learner(Protocol[State]):

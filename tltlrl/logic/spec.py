@@ -1,5 +1,6 @@
 """`Spec`: a formula with its signals and constants, ready to be evaluated on batches of trajectories."""
 
+import copy
 from collections.abc import Iterator, Mapping
 from functools import cached_property, lru_cache, partial
 from numbers import Real
@@ -10,11 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tltlrl.errors import nearest
+from tltlrl.logic import syntax
 from tltlrl.logic.declarations import Value
 from tltlrl.logic.errors import Source, Span, SpecError, TraceError
 from tltlrl.logic.explain import Explanation, explain
 from tltlrl.logic.graph import Array
 from tltlrl.logic.monitor import Monitor
+from tltlrl.logic.normalise import divided, predicates, spreads
 from tltlrl.logic.parser import parse
 from tltlrl.logic.pursuit import Compiled, compiled
 from tltlrl.logic.resolve import Meaning, Region, resolve
@@ -222,6 +225,19 @@ class Spec:
         values = self._over_time(batch, tuple(dict.fromkeys(nodes.values())))
         return {name: values[node] for name, node in nodes.items()}
 
+    def normalised(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> "Spec":
+        """The same spec with every predicate divided by its spread over these trajectories (tltlrl.logic.normalise).
+
+        Its verdicts are this one's; its values have no unit. It is for `robustness` and `clauses`, to learn from.
+        """
+        places = predicates(self._meaning.formula)
+        margins = self._over_time(self._batch(signals, lengths), tuple(places))
+        result = copy.copy(self)
+        result._meaning = divided(self._meaning, spreads(places, margins))
+        result._plan = lru_cache(maxsize=16)(result._make_plan)
+        result.__dict__.pop("_compiled", None)
+        return result
+
     def explain(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> tuple[Explanation, ...]:
         """What decides each trajectory's value: one Explanation each."""
         batch = self._batch(signals, lengths)
@@ -300,6 +316,20 @@ class Spec:
                 )
             arrays[name] = value[:, None]
         return arrays
+
+    def clauses(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> dict[str, Array]:
+        """The robustness of each top-level clause on each whole trajectory: text to (N,), in the order of the text.
+
+        The clauses are the operands of the conjunction that the formula is, or the formula itself: the smallest of
+        their values is the robustness.
+        """
+        formula, written = self._meaning.formula, self._meaning.document.formula
+        parts, operands = (
+            (formula.parts, written.operands) if isinstance(written, syntax.And) else ((formula,), (written,))
+        )
+        batch = self._batch(signals, lengths)
+        values = self._over_time(batch, tuple(dict.fromkeys(part.node for part in parts)))
+        return {str(operand): values[part.node][:, 0] for operand, part in zip(operands, parts, strict=True)}
 
     def _make_plan(self, roots: tuple[int, ...], end: int, first: bool) -> Plan:
         return plan(self._meaning.graph, dict.fromkeys(roots, (0, 1) if first else (0, end)), end)

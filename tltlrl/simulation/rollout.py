@@ -52,6 +52,13 @@ class Simulator:
         self._start = np.empty(mujoco.mj_stateSize(self._model, mujoco.mjtState.mjSTATE_FULLPHYSICS.value))
         mujoco.mj_getState(self._model, self._data, self._start, mujoco.mjtState.mjSTATE_FULLPHYSICS.value)
 
+    @property
+    def command_range(self) -> tuple[Array, Array]:
+        """What the actuators can do: the least and the most of each command, shapes (d,); infinite where unlimited."""
+        limited = self._model.actuator_ctrllimited.astype(bool)
+        low, high = self._model.actuator_ctrlrange.T
+        return np.where(limited, low, -np.inf), np.where(limited, high, np.inf)
+
     def draw_command_noise(self, count: int, rng: np.random.Generator) -> Array:
         """What the actuators add to the commands of `count` trajectories, shape (count, T, d)."""
         return draw_command_noise(self._task, (count, self._task.steps), rng)

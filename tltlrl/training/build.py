@@ -10,15 +10,20 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tltlrl.errors import UserError, nearest
+from tltlrl.learning.basis import Basis
 from tltlrl.learning.learner import Learner
 from tltlrl.learning.policy import Policy
 from tltlrl.logic import Spec
 from tltlrl.registry import LEARNERS, TASKS
 from tltlrl.simulation.rollout import Simulator
+from tltlrl.simulation.trials import mean_motion
 from tltlrl.tasks.task import StepReward, Task
-from tltlrl.training.study import TLTL, AlgorithmConfig, Run, Study
+from tltlrl.training.study import TLTL, AlgorithmConfig, Run, Stage, Study
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -30,12 +35,40 @@ class Setup:
       simulator: of that task.
       reward: the hand-made reward it is trained on; None for the spec's robustness.
       learner: what improves the policy.
+      told: the spec whose values the learner is told: the run's own, or that one with its predicates normalised.
     """
 
     task: Task
     simulator: Simulator
     reward: StepReward | None
     learner: Learner[Any]
+    told: Spec
+
+
+@dataclass(frozen=True)
+class Samples:
+    """What is simulated in one iteration.
+
+    Attributes:
+      policy: that the offsets were drawn from.
+      offsets: of the N samples and, last, those of the mean policy, shape (N + 1, T, d).
+      noise: of the actuators, likewise; none for the mean policy.
+    """
+
+    policy: Policy
+    offsets: Array
+    noise: Array
+
+
+def draw(run: Run, learner: Learner[Any], simulator: Simulator, state: Any, iteration: int) -> Samples:
+    """The samples of an iteration; they depend on its number, the seed and the learner's state alone."""
+    rng = np.random.default_rng([run.seed, iteration])
+    policy = learner.policy(state)
+    offsets = np.concatenate([learner.ask(state, run.algorithm.samples, rng), policy.mean[None]])
+    noise = np.concatenate(
+        [simulator.draw_command_noise(run.algorithm.samples, rng), np.zeros((1, *policy.mean.shape))]
+    )
+    return Samples(policy, offsets, noise)
 
 
 def set_up(run: Run) -> Setup:
@@ -45,7 +78,13 @@ def set_up(run: Run) -> Setup:
       UserError: if the spec lacks what the hand-made reward needs, or the learner's settings do not fit.
     """
     task = make_task(run.task)
-    return Setup(task, Simulator(task), make_reward(run), make_learner(run))
+    simulator, learner = Simulator(task), make_learner(run, run.stage(0))
+    told = run.spec
+    if run.algorithm.normalise:
+        drawn = draw(run, learner, simulator, learner.start(first_policy(task, run.algorithm)), 0)
+        motions = simulator.rollout(drawn.policy.gain, drawn.offsets, drawn.noise)
+        told = told.normalised(task.signals(motions.features, motions.commands), motions.lengths)
+    return Setup(task, simulator, make_reward(run), learner, told)
 
 
 def make_task(config: Any) -> Task:
@@ -77,22 +116,63 @@ def make_reward(run: Run) -> StepReward | None:
     return reward
 
 
-def make_learner(run: Run) -> Learner[Any]:
-    """The learner of a run's case.
+def make_learner(run: Run, stage: Stage) -> Learner[Any]:
+    """The learner of a run's case, with the settings of one of its stages.
 
     Raises:
-      UserError: if its settings do not fit the number of samples.
+      UserError: if they do not fit the number of samples, or the learner.
     """
-    learner: Learner[Any] = LEARNERS.get(run.case.learner)(run.learner, run.algorithm.samples)
-    return learner
+    kind, functions = LEARNERS.get(run.case.learner), stage.algorithm.basis
+    learner: Learner[Any] = kind(stage.learner, run.algorithm.samples)
+    if functions and kind.by_step:
+        raise UserError(
+            f"algorithm.basis: {run.case.name} learns from the rewards of single steps, and weights of basis functions "
+            "belong to no step; leave it 0, or leave the case out"
+        )
+    return Basis(learner, functions) if functions else learner
 
 
 def first_policy(task: Task, algorithm: AlgorithmConfig) -> Policy:
-    """u_t = u_ref_t + K (s_t - s_ref_t) + noise, the noise a share of each command's full size."""
-    features, commands = task.reference()
+    """u_t = u_ref_t + K (s_t - s_ref_t) + noise, about the task's reference motion."""
+    return policy_about(*task.reference(), task, algorithm)
+
+
+def refined_policy(setup: Setup, policy: Policy, algorithm: AlgorithmConfig) -> Policy:
+    """The same about the mean motion of a policy that was learned: K may be another one.
+
+    Commands beyond what the actuators can do are cut to it, so that exploration about them is felt.
+    """
+    motion = mean_motion(setup.simulator, policy)
+    commands = np.clip(motion.commands[0], *setup.simulator.command_range)
+    return policy_about(motion.features[0], commands, setup.task, algorithm)
+
+
+def policy_about(features: Array, commands: Array, task: Task, algorithm: AlgorithmConfig) -> Policy:
+    """u_t = u_ref_t + K (s_t - s_ref_t) + noise, the noise a share of each command's full size.
+
+    Args:
+      features, commands: s_ref, shape (T, n), and u_ref, shape (T, d).
+      task, algorithm: of which K and the noise are.
+
+    Raises:
+      UserError: if the exploration of commands is given that the task has not.
+    """
     gain = algorithm.feedback * task.feedback
-    covariance = np.diag((algorithm.initial_std * task.command_scale) ** 2)
+    covariance = np.diag((_exploration(task, algorithm) * task.command_scale) ** 2)
     return Policy(gain, commands - features @ gain.T, np.tile(covariance, (task.steps, 1, 1)), algorithm.correlation)
+
+
+def _exploration(task: Task, algorithm: AlgorithmConfig) -> Array:
+    groups = [group.name for group in task.action]
+    for name in algorithm.exploration:
+        if name not in groups:
+            raise UserError(f"algorithm.exploration.{name}: {task.name} has no such commands{nearest(name, groups)}")
+    return np.concatenate(
+        [
+            np.full(len(group.parts), algorithm.exploration.get(group.name, algorithm.initial_std))
+            for group in task.action
+        ]
+    )
 
 
 def check(study: Study) -> None:
@@ -105,11 +185,19 @@ def check(study: Study) -> None:
     for name in study.reward.step:
         if name not in names:
             raise UserError(f"reward.step.{name}: no such key{nearest(name, names)}")
+    for case in study.cases:
+        if case.reward == TLTL and LEARNERS.get(case.learner).by_step and study.algorithm.told == "leximin":
+            raise UserError(
+                f"algorithm.told: leximin is a rank among whole trajectories, and {case.name} learns step by step; "
+                "expected robustness or normalised; set it, or leave the case out"
+            )
     first = {run.case: run for run in reversed(study.runs())}
-    for run in first.values():
-        make_learner(run)
-        make_reward(run)
     task = make_task(study.task)
+    for run in first.values():
+        for stage in filter(None, (run.stage(0), run.refine)):
+            make_learner(run, stage)
+            first_policy(task, stage.algorithm)
+        make_reward(run)
     _check_signals(study.spec, task)
     task.make_physics()
 

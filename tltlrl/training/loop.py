@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tltlrl.learning.learner import Scores
+from tltlrl.learning.scores import Scores, leximin
 from tltlrl.logic import telescope
 from tltlrl.tasks.task import Signals, StepReward
-from tltlrl.training.build import Setup
+from tltlrl.training.build import Setup, draw
 from tltlrl.training.study import Run
 
 Array = NDArray[np.float64]
@@ -46,24 +46,27 @@ def iterate(run: Run, setup: Setup, state: Any, iteration: int) -> Iteration:
       ValueError: if a return is not a number that can be learned from.
       FloatingPointError: if the simulation diverged.
     """
-    learner, simulator, samples = setup.learner, setup.simulator, run.algorithm.samples
-    rng = np.random.default_rng([run.seed, iteration])
-    policy = learner.policy(state)
-    offsets = np.concatenate([learner.ask(state, samples, rng), policy.mean[None]])
-    noise = np.concatenate([simulator.draw_command_noise(samples, rng), np.zeros((1, *policy.mean.shape))])
+    samples, drawn = run.algorithm.samples, draw(run, setup.learner, setup.simulator, state, iteration)
     start = time.perf_counter()
-    trajectories = simulator.rollout(policy.gain, offsets, noise)
+    trajectories = setup.simulator.rollout(drawn.policy.gain, drawn.offsets, drawn.noise)
     physics_seconds = time.perf_counter() - start
 
     signals = setup.task.signals(trajectories.features, trajectories.commands)
     robustness = run.spec.robustness(signals, trajectories.lengths)
     sampled, of_policy = robustness[:samples], robustness[samples]
-    of_samples = {name: values[:samples] for name, values in signals.items()}
+    sample_signals = {name: values[:samples] for name, values in signals.items()}
+    told = sampled
+    if setup.reward is None:
+        if run.algorithm.told == "leximin":
+            clauses = setup.told.clauses(sample_signals, trajectories.lengths[:samples])
+            told = leximin(np.stack(list(clauses.values()), axis=1))
+        elif setup.told is not run.spec:
+            told = setup.told.robustness(sample_signals, trajectories.lengths[:samples])
     rewards = None
-    if setup.reward is None and learner.by_step:
-        rewards = telescope(run.spec, of_samples, trajectories.lengths[:samples])
-    scores = score(setup.reward, of_samples, sampled, rewards)
-    following, diagnostics = learner.tell(state, offsets[:samples], scores)
+    if setup.reward is None and setup.learner.by_step:
+        rewards = telescope(setup.told, sample_signals, trajectories.lengths[:samples])
+    scores = score(setup.reward, sample_signals, told, rewards)
+    following, diagnostics = setup.learner.tell(state, drawn.offsets[:samples], scores)
     record = {
         "return_mean": scores.returns.mean(),
         "robustness_mean": sampled.mean(),
@@ -77,19 +80,19 @@ def iterate(run: Run, setup: Setup, state: Any, iteration: int) -> Iteration:
     return Iteration(following, {name: float(value) for name, value in record.items()}, env_steps, physics_seconds)
 
 
-def score(reward: StepReward | None, signals: Signals, robustness: Array, telescoped: Array | None = None) -> Scores:
+def score(reward: StepReward | None, signals: Signals, told: Array, telescoped: Array | None = None) -> Scores:
     """What the learner is told, in the reward's own units.
 
     After an early end a hand-made reward goes on as at the last sample (an absorbing state): otherwise an episode
     that ends early would be spared its costs.
 
     Args:
-      reward: the hand-made one; None to learn from the robustness.
+      reward: the hand-made one; None to learn from the spec.
       signals: of the sampled trajectories, shapes (N, T) and (N, T, k).
-      robustness: of the spec on them, shape (N,).
+      told: what is told of the spec on them, shape (N,).
       telescoped: the same step by step, shape (N, T), for learners that need it.
     """
     if reward is None:
-        return Scores(robustness, telescoped)
+        return Scores(told, telescoped)
     rewards, _ = reward(signals)
     return Scores(rewards.sum(axis=1), rewards)

@@ -5,14 +5,17 @@ from __future__ import annotations
 import contextlib
 import csv
 import dataclasses
+import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TextIO
 
 import numpy as np
 
 from tltlrl.errors import UserError
+from tltlrl.learning.learner import Learner
 from tltlrl.learning.policy import Policy
 from tltlrl.store.files import clear_leftovers, naming, write_bytes
 from tltlrl.store.layout import DONE, PROGRESS, TIMING
@@ -28,13 +31,33 @@ from tltlrl.store.run import (
     write_checkpoint,
     write_results,
 )
-from tltlrl.training.build import first_policy, set_up
+from tltlrl.training.build import first_policy, make_learner, refined_policy, set_up
 from tltlrl.training.loop import iterate
 from tltlrl.training.study import Run
-from tltlrl.training.verdict import judge
+from tltlrl.training.verdict import judge, robustness_of
 
 CHECKPOINT_SECONDS = 2.0
 LOCK_SECONDS = 10.0  # a worker whose command was killed ends within a few
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a run stands, which is what its checkpoint holds.
+
+    Attributes:
+      state: the learner's.
+      best: the policy whose mean motion was the best of those that were simulated; the first one before any was.
+      robustness: of that motion.
+    """
+
+    state: Any
+    best: Policy
+    robustness: float
+
+    def seen(self, policy: Policy, robustness: float) -> Progress:
+        """After the mean motion of a policy was simulated; of two that are equal the newer one is the best."""
+        better = robustness >= self.robustness
+        return Progress(self.state, policy if better else self.best, robustness if better else self.robustness)
 
 
 def train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
@@ -64,8 +87,16 @@ def train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
 
 def _train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
     setup, identity = set_up(run), run.identity()
-    state = setup.learner.start(first_policy(setup.task, run.algorithm))
-    first, env_steps, state = resume(folder, identity, state)
+    start = first_policy(setup.task, run.algorithm)
+
+    def learner_after(iterations: int) -> Learner[Any]:
+        return make_learner(run, run.stage(max(iterations - 1, 0)))
+
+    def like(iterations: int) -> Progress:
+        return Progress(learner_after(iterations).start(start), start, -math.inf)
+
+    first, env_steps, stands = resume(folder, identity, like)
+    setup = dataclasses.replace(setup, learner=learner_after(first))
     same = {
         "task": setup.task.name,
         "case": run.case.name,
@@ -81,26 +112,34 @@ def _train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
         open(folder / TIMING, "a", newline="") as timing,
     ):
         for i in range(first, run.algorithm.iterations):
-            start = time.perf_counter()
-            result = iterate(run, setup, state, i)
-            state = result.state
+            clock = time.perf_counter()
+            if run.refine is not None and i == run.refine.first:
+                refined = refined_policy(setup, setup.learner.policy(stands.state), run.refine.algorithm)
+                setup = dataclasses.replace(setup, learner=make_learner(run, run.refine))
+                stands = dataclasses.replace(stands, state=setup.learner.start(refined))
+            result = iterate(run, setup, stands.state, i)
+            stands = stands.seen(setup.learner.policy(stands.state), result.record["robustness_policy"])
+            stands = dataclasses.replace(stands, state=result.state)
             env_steps += result.env_steps
             counts = {"iteration": i, "episodes": (i + 1) * run.algorithm.samples, "env_steps": env_steps}
             row = same | counts | result.record
+            if run.algorithm.keep == "best":
+                row["robustness_kept"] = stands.robustness
             columns = columns or list(row)
             if list(row) != columns:  # else they would stand under other names
                 raise ValueError(f"the learner's diagnostics changed at iteration {i}: {list(row)}, before {columns}")
             _write_row(progress, row, header=i == 0)
-            seconds = time.perf_counter() - start
-            clock = {"iteration": i, "seconds": seconds, "physics_seconds": result.physics_seconds}
-            _write_row(timing, clock, header=i == 0)
+            took = {"iteration": i, "seconds": time.perf_counter() - clock, "physics_seconds": result.physics_seconds}
+            _write_row(timing, took, header=i == 0)
             report(i + 1)
             if time.monotonic() - last_checkpoint > CHECKPOINT_SECONDS:
                 progress.flush()
                 timing.flush()
-                write_checkpoint(folder, identity, Checkpoint(i + 1, env_steps, arrays_of(state)))
+                write_checkpoint(folder, identity, Checkpoint(i + 1, env_steps, arrays_of(stands)))
                 last_checkpoint = time.monotonic()
-    policy = setup.learner.policy(state)
+    policy = setup.learner.policy(stands.state)
+    if run.algorithm.keep == "best":
+        policy = stands.seen(policy, robustness_of(run, setup, policy)).best
     write_results(folder, identity, arrays_of(policy), judge(run, setup, policy))
 
 
@@ -111,43 +150,59 @@ def _write_row(file: TextIO, row: dict[str, Any], header: bool) -> None:
     writer.writerow(row)
 
 
-def resume(folder: Path, identity: str, start: Any) -> tuple[int, int, Any]:
-    """Iterations done, the samples in them and the learner's state; cuts the CSV files back to the checkpoint.
+def resume(folder: Path, identity: str, like: Callable[[int], Any]) -> tuple[int, int, Any]:
+    """Iterations done, the samples in them and where it stands; cuts the CSV files back to the checkpoint.
 
-    Without a checkpoint, or with one that a run cannot be resumed from, the run starts again from `start`.
+    Without a checkpoint, or with one that a run cannot be resumed from, the run starts again from its first state.
+
+    Args:
+      folder, identity: of the run.
+      like: iterations done => a state of the kind that the learner has then; for 0 the first one.
     """
     try:
         saved = read_checkpoint(folder, identity)
-        state = saved and from_arrays(start, saved.state)
+        state = saved and from_arrays(like(saved.iteration), saved.state)
     except DamagedError:  # the command has said so; see tltlrl.experiments.experiment.survey
         saved = state = None
     if saved is None or state is None:
         drop_checkpoint(folder)
         for name in (PROGRESS, TIMING):
             (folder / name).unlink(missing_ok=True)
-        return 0, 0, start
+        return 0, 0, like(0)
     for name in (PROGRESS, TIMING):
         write_bytes(folder / name, first_rows(folder / name, saved.iteration))
     return saved.iteration, saved.env_steps, state
 
 
 def arrays_of(state: Any) -> dict[str, np.ndarray]:
-    """The fields of a dataclass of arrays and numbers, by name."""
-    return {field.name: np.asarray(getattr(state, field.name)) for field in dataclasses.fields(state)}
+    """The fields of a dataclass of arrays and numbers, by name; those of one in it as `name.field`."""
+    arrays: dict[str, np.ndarray] = {}
+    for field in dataclasses.fields(state):
+        value = getattr(state, field.name)
+        if dataclasses.is_dataclass(value):
+            arrays |= {f"{field.name}.{name}": array for name, array in arrays_of(value).items()}
+        else:
+            arrays[field.name] = np.asarray(value)
+    return arrays
 
 
-def from_arrays(like: Any, arrays: Any) -> Any:
+def from_arrays(like: Any, arrays: Mapping[str, np.ndarray]) -> Any:
     """A state with the fields of `like`, from what `arrays_of` gave; numbers become numbers again.
 
     Raises:
       DamagedError: if a field is missing or one is too much.
     """
-    names = [field.name for field in dataclasses.fields(like)]
-    if set(names) != set(arrays):
+    if set(arrays_of(like)) != set(arrays):
         raise DamagedError("the checkpoint is of another learner")
-    values = {
-        name: arrays[name] if isinstance(getattr(like, name), np.ndarray) else arrays[name].item() for name in names
-    }
+    values: dict[str, Any] = {}
+    for field in dataclasses.fields(like):
+        value, prefix = getattr(like, field.name), f"{field.name}."
+        if dataclasses.is_dataclass(value):
+            inner = {name.removeprefix(prefix): array for name, array in arrays.items() if name.startswith(prefix)}
+            values[field.name] = from_arrays(value, inner)
+        else:
+            saved = arrays[field.name]
+            values[field.name] = saved if isinstance(value, np.ndarray) else saved.item()
     return type(like)(**values)
 
 

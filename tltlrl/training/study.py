@@ -12,11 +12,21 @@ from dataclasses import dataclass
 from typing import Any
 
 from tltlrl.errors import UserError
+from tltlrl.learning.scores import TOLD
 from tltlrl.logic import Spec
 from tltlrl.settings import check, check_value, setting, settings_of
 from tltlrl.store.files import digest
 
 MOST_SEEDS = MOST_TRIALS = MOST_SAMPLES = 10_000  # more would not fit into memory, and show only after hours
+LATER = {  # than 0.1, with their defaults
+    "exploration": {},
+    "basis": 0,
+    "told": "robustness",
+    "normalise": False,
+    "keep": "last",
+    "refine": {},
+    "batches": 1,
+}
 TLTL = "tltl"  # the reward that is the spec's own robustness
 
 
@@ -33,9 +43,48 @@ class AlgorithmConfig:
     correlation: float = setting(
         "width of the exploration noise's correlation over time, steps; 0 for independent steps", 1.0, least=0
     )
+    exploration: dict[str, float] = setting(
+        "in place of initial_std, for groups of commands by their names", {}, above=0, most=100
+    )
+    basis: int = setting("basis functions that a motion is made of; 0: an offset of its own at every step", 0, least=0)
+    told: str = setting(
+        "what the learner is told of a trajectory in the cases tltl_*: its robustness, or leximin, which weighs all "
+        "clauses, the worst first",
+        "robustness",
+        choices=TOLD,
+    )
+    normalise: bool = setting(
+        "divide every predicate by its spread over the first iteration's trajectories, in what the learner is told",
+        False,
+    )
+    keep: str = setting(
+        "the policy that a run ends with: the last, or the best of those whose mean motion was simulated",
+        "last",
+        choices=("last", "best"),
+    )
+    refine: dict[str, Any] = setting(
+        "a second stage about the motion that the first one learned: after (iterations), and any other key of "
+        "algorithm that is to change",
+        {},
+    )
 
     def __post_init__(self) -> None:
         check(self, "algorithm")
+
+
+@dataclass(frozen=True)
+class Stage:
+    """From an iteration on: the exploration about the motion learned so far, and the learner's own settings.
+
+    Attributes:
+      first: its first iteration.
+      algorithm: policy search.
+      learner: the learner's own settings.
+    """
+
+    first: int
+    algorithm: AlgorithmConfig
+    learner: Any
 
 
 @dataclass(frozen=True)
@@ -69,6 +118,7 @@ class Run:
       algorithm: policy search.
       learner: the learner's own settings.
       trials: noisy trials of the learned policy.
+      refine: the second stage, if there is one.
     """
 
     task: Any
@@ -79,16 +129,28 @@ class Run:
     algorithm: AlgorithmConfig
     learner: Any
     trials: int
+    refine: Stage | None = None
+
+    def stage(self, iteration: int) -> Stage:
+        """What an iteration belongs to."""
+        if self.refine is not None and iteration >= self.refine.first:
+            return self.refine
+        return Stage(0, self.algorithm, self.learner)
 
     def identity(self) -> str:
-        """SHA-256 of everything above, by which a run's files are known to be its own; results of 0.1 have the same."""
+        """SHA-256 of everything above, by which a run's files are known to be its own.
+
+        What 0.1 did not have is left out where it is at its default: results of 0.1 that would be the same today have
+        the same identity.
+        """
+        algorithm = dataclasses.asdict(self.algorithm) | dataclasses.asdict(self.learner)
         asked = {
             "task": dataclasses.asdict(self.task),
             "reward": dataclasses.asdict(self.reward),
             "spec": {"text": self.spec.text, "constants": dict(self.spec.constants)},
             "case": {"reward": self.case.reward, "algorithm": self.case.learner},
             "seed": self.seed,
-            "algorithm": dataclasses.asdict(self.algorithm) | dataclasses.asdict(self.learner),
+            "algorithm": {name: value for name, value in algorithm.items() if LATER.get(name, ...) != value},
             "trials": self.trials,
         }
         return digest(json.dumps(asked, sort_keys=True).encode())
@@ -105,6 +167,7 @@ class Study:
       cases, seeds: what is compared.
       algorithm: the same for every case.
       learners: name of a learner => its own settings, for every learner among the cases.
+      refine: name of a learner => its second stage, if there is one.
       trials: noisy trials of each learned policy.
       settings: the config as given, less what does not change the results; kept in config.yaml.
     """
@@ -119,6 +182,7 @@ class Study:
     learners: Mapping[str, Any]
     trials: int = setting("noisy trials of each learned policy, for the success rate", 100, least=1, most=MOST_TRIALS)
     settings: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    refine: Mapping[str, Stage] = dataclasses.field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not self.name.isprintable() or not self.name.strip(". ") or "/" in self.name:
@@ -147,6 +211,7 @@ class Study:
                 self.algorithm,
                 self.learners[case.learner],
                 self.trials,
+                self.refine.get(case.learner),
             )
             for case in self.cases
             for seed in self.seeds

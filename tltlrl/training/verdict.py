@@ -44,6 +44,12 @@ def try_policy(run: Run, policy: Policy, count: int, rng: np.random.Generator) -
     return Trials(robustness, task.outcomes(motion.last_qpos, motion.last_qvel), signals, motion.lengths)
 
 
+def robustness_of(run: Run, setup: Setup, policy: Policy) -> float:
+    """The robustness of the mean motion of a policy."""
+    motion = mean_motion(setup.simulator, policy)
+    return float(run.spec.robustness(setup.task.signals(motion.features, motion.commands), motion.lengths)[0])
+
+
 def judge(run: Run, setup: Setup, policy: Policy) -> dict[str, Any]:
     """The content of done.json, as plain data."""
     motion = mean_motion(setup.simulator, policy)

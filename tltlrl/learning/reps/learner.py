@@ -1,7 +1,10 @@
 """REPS as learners: episode-based and step-based differ in the weights alone.
 
 Episode-based REPS solves one dual on the returns R_i; step-based REPS (Chebotar et al. 2017) one per time step on the
-reward-to-go S_{i,t}. Both then fit the policy of every step to its weighted samples. The state is the policy itself.
+reward-to-go S_{i,t}. Both then fit the policy of every step to its weighted samples.
+
+An update may learn from the last few batches of samples together. They carry no importance weights: those of another
+mean differ by so many nats over all steps that one sample would take all the weight.
 """
 
 from __future__ import annotations
@@ -14,10 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tltlrl.errors import UserError
-from tltlrl.learning.learner import Diagnostics, Scores
+from tltlrl.learning.learner import Diagnostics
 from tltlrl.learning.policy import Policy
-from tltlrl.learning.reps.dual import Weighting, solve_dual
+from tltlrl.learning.reps.dual import solve_dual
 from tltlrl.learning.reps.update import COVARIANCE_RULES, fit, reward_to_go
+from tltlrl.learning.scores import Scores
 from tltlrl.settings import check, setting
 
 Array = NDArray[np.float64]
@@ -32,13 +36,34 @@ class RepsSettings:
         "damped, or published: the plain weighted maximum-likelihood fit", "damped", choices=COVARIANCE_RULES
     )
     kept: float = setting("share of the old covariance in the damped fit", 0.5, least=0, below=1)
+    batches: int = setting(
+        "batches of samples that an update learns from; 1: the newest alone, as published", 1, least=1, most=100
+    )
 
     def __post_init__(self) -> None:
         check(self, "algorithm")
 
 
+@dataclass(frozen=True)
+class RepsState:
+    """The policy, and the samples of earlier batches that the next update learns from.
+
+    Attributes:
+      gain, mean, covariance, correlation: of the policy.
+      offsets: of the last `batches` - 1 batches, the oldest first, shape (M, T, d).
+      scores: what those are worth: returns, shape (M,), or rewards-to-go, shape (M, T).
+    """
+
+    gain: Array
+    mean: Array
+    covariance: Array
+    correlation: float
+    offsets: Array
+    scores: Array
+
+
 class _Reps:
-    """What both have in common; `weighting` makes the difference."""
+    """What both have in common; `worth` makes the difference."""
 
     Settings: ClassVar[type] = RepsSettings
     by_step: ClassVar[bool]
@@ -51,20 +76,25 @@ class _Reps:
                 f"the weights of {samples} samples cannot be further from uniform. Lower it, or draw more samples."
             )
         self.settings = settings
+        self._remembered = (settings.batches - 1) * samples
 
-    def start(self, policy: Policy) -> Policy:
-        """The first policy."""
-        return policy
+    def start(self, policy: Policy) -> RepsState:
+        """The first policy, and no samples."""
+        steps, d = policy.mean.shape
+        scores = np.empty((0, steps) if self.by_step else 0)
+        return RepsState(
+            policy.gain, policy.mean, policy.covariance, policy.correlation, np.empty((0, steps, d)), scores
+        )
 
-    def ask(self, state: Policy, count: int, rng: np.random.Generator) -> Array:
+    def ask(self, state: RepsState, count: int, rng: np.random.Generator) -> Array:
         """Offsets drawn from the policy, shape (count, T, d)."""
-        return state.sample(count, rng)
+        return self.policy(state).sample(count, rng)
 
-    def weighting(self, scores: Scores) -> Weighting:
-        """Weights of the samples: of shape (N,), or (T, N) if they differ from step to step."""
+    def worth(self, scores: Scores) -> Array:
+        """What the weights follow from: one number per trajectory, (N,), or per trajectory and step, (N, T)."""
         raise NotImplementedError
 
-    def tell(self, state: Policy, offsets: Array, scores: Scores) -> tuple[Policy, Diagnostics]:
+    def tell(self, state: RepsState, offsets: Array, scores: Scores) -> tuple[RepsState, Diagnostics]:
         """The fitted policy.
 
         Of step-based REPS eta is the median over the steps, kl and effective_sample_size are means.
@@ -72,7 +102,10 @@ class _Reps:
         Raises:
           ValueError: if a return is NaN or +inf, or every one is -inf.
         """
-        weighting = self.weighting(scores)
+        entropy = self.policy(state).entropy()
+        offsets = np.concatenate([state.offsets, offsets])
+        worth = np.concatenate([state.scores, self.worth(scores)])
+        weighting = solve_dual(worth.T, self.settings.epsilon)
         weights = np.broadcast_to(weighting.weights, (offsets.shape[1], len(offsets)))
         mean, covariance = fit(
             offsets, weights, state.mean, state.covariance, self.settings.covariance, self.settings.kept
@@ -81,36 +114,39 @@ class _Reps:
             "eta": float(np.median(weighting.eta)),
             "kl": float(np.mean(weighting.kl)),
             "effective_sample_size": float(np.mean(weighting.effective_sample_size)),
-            "entropy": state.entropy(),
+            "entropy": entropy,
         }
-        return replace(state, mean=mean, covariance=covariance), diagnostics
+        first = max(len(offsets) - self._remembered, 0)
+        return replace(
+            state, mean=mean, covariance=covariance, offsets=offsets[first:], scores=worth[first:]
+        ), diagnostics
 
-    def policy(self, state: Policy) -> Policy:
-        """The state itself."""
-        return state
+    def policy(self, state: RepsState) -> Policy:
+        """That of the state."""
+        return Policy(state.gain, state.mean, state.covariance, state.correlation)
 
 
 class EpisodeBased(_Reps):
-    """Episode-based REPS: one weight per trajectory, from its return."""
+    """Episode-based REPS: one weight p_i per trajectory, from its return."""
 
     by_step = False
 
-    def weighting(self, scores: Scores) -> Weighting:
-        """p_i, shape (N,)."""
-        return solve_dual(scores.returns, self.settings.epsilon)
+    def worth(self, scores: Scores) -> Array:
+        """R_i, shape (N,)."""
+        return scores.returns
 
 
 class StepBased(_Reps):
-    """Step-based REPS: one weight per trajectory and step, from the reward-to-go."""
+    """Step-based REPS: one weight P_{i,t} per trajectory and step, from the reward-to-go."""
 
     by_step = True
 
-    def weighting(self, scores: Scores) -> Weighting:
-        """P_{i,t}, shape (T, N).
+    def worth(self, scores: Scores) -> Array:
+        """S_{i,t}, shape (N, T).
 
         Raises:
           ValueError: if the rewards of the steps are not known.
         """
         if scores.rewards is None:
             raise ValueError("step-based REPS needs the rewards of every step")
-        return solve_dual(reward_to_go(scores.rewards).T, self.settings.epsilon)
+        return reward_to_go(scores.rewards)

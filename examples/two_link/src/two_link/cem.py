@@ -8,8 +8,9 @@ from typing import ClassVar
 import numpy as np
 
 from tltlrl.errors import UserError
-from tltlrl.learning.learner import Array, Diagnostics, Scores
+from tltlrl.learning.learner import Array, Diagnostics
 from tltlrl.learning.policy import Policy
+from tltlrl.learning.scores import Scores
 from tltlrl.settings import check, setting
 
 
