@@ -14,7 +14,8 @@ def test_the_predicate_told_has_the_deciding_margin_at_its_step(formula, seed):
     spec, signals = parse_spec(DECLARED + str(formula)), samples(seed, 1)
     witness = spec.watch()
     for t in range(signals["x"].shape[1]):
-        reading, why = witness.update({name: values[0, t] for name, values in signals.items()})
+        reading = witness.update({name: values[0, t] for name, values in signals.items()})
+        why = witness.explanation()
         assert why.value == reading.robustness[0]
         if why.predicate is None:
             assert np.isinf(why.value)
@@ -36,7 +37,8 @@ def test_the_step_told_is_that_of_a_whole_explanation(formula, seed):
     signals = {name: values + noise.normal(scale=0.01, size=values.shape) for name, values in signals.items()}
     witness = spec.watch()
     for t in range(5):
-        _, why = witness.update({name: values[0, t] for name, values in signals.items()})
+        witness.update({name: values[0, t] for name, values in signals.items()})
+        why = witness.explanation()
         (whole,) = spec.explain({name: values[:, : t + 1] for name, values in signals.items()})
         assert (why.value, why.step, why.margin is None) == (whole.value, whole.step, whole.margin is None)
 
@@ -46,6 +48,7 @@ def test_names_and_places_are_those_of_a_whole_explanation():
     signals = {"x": np.array([[0.0, 3, 0.5]]), "y": np.array([[1.0, 1, 7]])}
     witness = spec.watch()
     for t in range(3):
-        _, why = witness.update({name: values[:, t] for name, values in signals.items()})
+        witness.update({name: values[:, t] for name, values in signals.items()})
+        why = witness.explanation()
         (whole,) = spec.explain({name: values[:, : t + 1] for name, values in signals.items()})
         assert str(why) == str(whole)

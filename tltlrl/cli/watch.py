@@ -91,10 +91,11 @@ def watch(
             try:
                 if isinstance(sample, UserError):
                     raise sample
-                reading, why = witness.update(sample)
+                reading = witness.update(sample)
             except (UserError, TraceError) as mistake:
                 print(f"tltl watch: {mistake}; left out", file=sys.stderr, flush=True)
             else:
+                why = witness.explanation()
                 print(answer(witness.steps - 1, reading, why), file=out, flush=True)
     except KeyboardInterrupt:  # how a person ends what goes on without end
         print(file=sys.stderr)

@@ -36,14 +36,20 @@ class Witnessed:
         self._of_state: dict[int, Origin] = {}  # of the quick clauses' states; none where the value is infinite
         self._of_value: dict[float, Origin] = {}  # what slow clauses keep
         self._truths = _truths(meaning.formula)
+        self._value = np.nan  # the robustness now
 
     @property
     def steps(self) -> int:
         """Samples read so far."""
         return self._monitor.steps
 
-    def update(self, signals: Mapping[str, ArrayLike]) -> tuple[Reading, Explanation]:
-        """One more sample, as `Monitor.update`, and what decides the robustness now."""
+    @property
+    def monitor(self) -> Monitor:
+        """The monitor that it asks."""
+        return self._monitor
+
+    def update(self, signals: Mapping[str, ArrayLike]) -> Reading:
+        """One more sample, as `Monitor.update`."""
         before = {id(pursuit): pursuit.alpha for pursuit in self._monitor.pursuits}
         reading = self._monitor.update(signals)
         sample = {
@@ -58,7 +64,11 @@ class Witnessed:
             else:
                 for row, origin in now.items():
                     self._of_value.setdefault(float(self._monitor.literals[row, 0]), origin)
-        return reading, self._explanation(float(reading.robustness[0]) + 0.0, reading.state)
+        self._value = float(reading.robustness[0]) + 0.0
+        if reading.state is not None and self._of_value:
+            kept = {*reading.state[0].tolist(), self._value}
+            self._of_value = {own: origin for own, origin in self._of_value.items() if own in kept}
+        return reading
 
     def _follow(self, quick: Quick, before: Array, now: Mapping[int, Origin]) -> None:
         """Give each state the origin of the transition that gave it its value."""
@@ -77,11 +87,10 @@ class Witnessed:
                 found[target] = now[deciding]
         self._of_state = found
 
-    def _explanation(self, value: float, state: Array | None) -> Explanation:
+    def explanation(self) -> Explanation:
+        """What decides the robustness after the last sample."""
+        value = self._value
         origin = None if np.isinf(value) else self._origin(value)
-        if state is not None and self._of_value:
-            kept = set(state[0].tolist())
-            self._of_value = {own: origin for own, origin in self._of_value.items() if own in kept}
         if origin is None:
             return Explanation(value, None, None, self._source, None, None, self.steps - 1, None, False, {})
         node, sign = self._monitor.atom(origin.literal)
