@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tltlrl.cli.check import add_parser, check
+from tltlrl.cli.check import add_arguments, check, run
 from tltlrl.cli.main import main
 from tltlrl.errors import UserError
 from tltlrl.logic import SpecError
@@ -33,10 +33,9 @@ def trace(tmp_path):
 
 
 def tltl(*arguments):
-    parser = argparse.ArgumentParser(prog="tltl")
-    add_parser(parser.add_subparsers(required=True), "about")
-    parsed = parser.parse_args(["check", *map(str, arguments)])
-    return parsed.command(parsed)
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    return run(parser.parse_args(list(map(str, arguments))))
 
 
 def test_without_a_trace(capsys):
@@ -52,7 +51,30 @@ def test_without_a_trace(capsys):
         "             obstacle = {1: (0.3, 2), 2: (-0.6, 0.6)}\n"
         "             obstacle_radius = {1: 0.5, 2: 0.4}\n"
         "horizon      the whole trajectory\n"
+        "warning      18:7: 'F G at_goal' is 'at_goal' at the last sample: nothing is asked of the others; to ask for "
+        "n samples write F G[0,n!] p, for once in each n samples G F[0,n?] p\n"
     )
+
+
+@pytest.mark.parametrize(
+    ("formula", "told"),
+    [
+        ("F[0,5] x < 1", "the formula looks at 6 samples and the trace ends after 2: windows are cut"),
+        (
+            "F x < 1 & F y < 20",
+            "the margins of 'y < 20' reach 25 here, those of 'x < 1' 0.75: min and max compare",
+        ),
+        ("F x < 1 & F y < 2", ""),
+        ("F x < 1 & holds(F y < 20)", ""),
+    ],
+)
+def test_what_is_easily_missed_in_a_trace_is_told(formula, told, tmp_path, capsys):
+    (tmp_path / "task.tltl").write_text(formula)
+    (tmp_path / "trace.csv").write_text("x,y\n0.5,5\n0.25,-5\n")
+    assert tltl(tmp_path / "task.tltl", tmp_path / "trace.csv") == 0
+    out = capsys.readouterr().out
+    assert told in out
+    assert ("warning" in out) == bool(told)
 
 
 @pytest.mark.parametrize("header", ["t,ee.x,ee.y", "t,ee[0],ee[1]", "time , ee.x , ee.y "])
@@ -171,6 +193,17 @@ def test_comments_in_a_trace(text, tmp_path):
     assert read_recording(tmp_path / "trace.csv").signals({"x": None})["x"].tolist() == [[0.5, 0.75]]
 
 
+@pytest.mark.parametrize("cells", ["True,False,False", "true, false, FALSE", "1,0,0", "1.0,0.0,0"])
+def test_cells_of_true_and_false(cells, tmp_path, capsys):
+    (tmp_path / "task.tltl").write_text("signal pressed: bool\nsignal y\nspec: G (pressed => F[0,1] y > 0)")
+    rows = "".join(f"{cell},{y}\n" for cell, y in zip(cells.split(","), [-1, 0.5, -1], strict=True))
+    (tmp_path / "trace.csv").write_text(f"pressed,y\n{rows}")
+    assert tltl(tmp_path / "task.tltl", tmp_path / "trace.csv") == 0
+    out = capsys.readouterr().out
+    assert "robustness   +0.5\n" in out
+    assert "pressed, true or false" in out
+
+
 def timed(tmp_path, times, spec="F[0 s, 0.1 s] x > 0.5", name="time"):
     (tmp_path / "task.tltl").write_text(spec)
     rows = "".join(f"{t},{x}\n" for t, x in zip(times, [0, 0, 1, 0, 0, 0], strict=False))
@@ -260,7 +293,7 @@ def test_a_component_in_both_spellings(trace):
 
 
 def test_what_is_not_there(tmp_path):
-    with pytest.raises(UserError, match=r"none.tltl: the spec cannot be read: No such file"):
+    with pytest.raises(UserError, match=r"no spec file .*none.tltl here or in .*specs; there are: reach_avoid.tltl"):
         check(tmp_path / "none.tltl")
     (tmp_path / "task.tltl").write_text("F G x < 1")
     with pytest.raises(UserError, match=r"none.csv: the trace cannot be read"):

@@ -85,6 +85,33 @@ def test_what_is_not_a_finished_run_is_told(experiment, tmp_path, capsys, comman
     assert "Traceback" not in errors
 
 
+@pytest.mark.parametrize("suffix", [".png", ".pdf", ".PNG"])
+def test_a_suffix_is_not_doubled_and_said_as_it_is(experiment, tmp_path, capsys, suffix):
+    code, output, _ = tltl(capsys, "plot", "--output", tmp_path / f"fig_3.3{suffix}", experiment)
+    assert (code, output) == (0, f"{tmp_path}/fig_3.3.png, {tmp_path}/fig_3.3.pdf\n")
+    assert {path.name for path in tmp_path.iterdir()} == {"fig_3.3.png", "fig_3.3.pdf"}
+
+
+def test_a_picture_of_another_kind_is_refused(experiment, tmp_path, capsys):
+    code, output, errors = tltl(capsys, "plot", experiment, "--output", tmp_path / "fig.svg")
+    assert (code, output) == (2, "")
+    assert errors == f"tltl: {tmp_path}/fig.svg: pictures are written as .png and .pdf; give the path without .svg\n"
+
+
+@pytest.mark.parametrize("order", ["--trials 2 name=s experiment=nix", "name=s experiment=nix --trials 2"])
+def test_options_of_a_search_stand_anywhere(capsys, order):
+    code, _, errors = tltl(capsys, "search", *order.split())
+    assert code == 2
+    assert errors.startswith("tltl: say what to search")
+
+
+def test_check_finds_the_specs_that_come_with_tltlrl(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code, output, _ = tltl(capsys, "check", "reach_avoid.tltl")
+    assert code == 0
+    assert output.startswith(f"spec         {SPECS}/reach_avoid.tltl\n")
+
+
 def test_plot_of_what_is_not_an_experiment_is_told(tmp_path, capsys):
     code, _, errors = tltl(capsys, "plot", tmp_path)
     assert code == 2
@@ -147,7 +174,9 @@ def test_the_page_lists_every_command_and_each_has_its_own(capsys):
         assert (code, own.split()[:3]) == (0, ["usage:", "tltl", name])
 
 
-@pytest.mark.parametrize(("arguments", "message"), [((), "say which command"), (("evalute",), "invalid choice")])
+@pytest.mark.parametrize(
+    ("arguments", "message"), [((), "tltl: say which command, one of:"), (("evalute",), "invalid choice")]
+)
 def test_what_is_no_command_is_told(capsys, arguments, message):
     code, _, errors = tltl(capsys, *arguments)
     assert code == 2

@@ -3,7 +3,7 @@
 import json
 import math
 import sys
-from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
+from argparse import ArgumentParser, Namespace
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TextIO
@@ -13,6 +13,8 @@ import numpy as np
 from tltlrl.errors import UserError
 from tltlrl.logic import Explanation, Spec, load_spec
 from tltlrl.logic.trace import Recording, columns, read_recording
+from tltlrl.logic.traps import unequal_scales
+from tltlrl.resources import spec_path, user_path
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 PICTURES = (".png", ".pdf", ".svg")
@@ -29,17 +31,11 @@ Where the spec counts in seconds, a column time (or t), in seconds, says how far
 """
 
 
-def add_parser(subparsers: Any, about: str) -> None:
-    """Add the sub-command `check` to a parser's sub-commands; `command(arguments)` of its result does the work."""
-    parser: ArgumentParser = subparsers.add_parser(
-        "check",
-        help=about,
-        description=__doc__,
-        epilog=EXIT_CODES,
-        formatter_class=RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("spec", metavar="SPEC", help="a .tltl file")
-    parser.add_argument("trace", metavar="TRACE.csv", nargs="?", help="one recorded trajectory")
+def add_arguments(parser: ArgumentParser) -> None:
+    """Adds the arguments of `tltl check`."""
+    parser.epilog = EXIT_CODES
+    parser.add_argument("spec", metavar="SPEC", help="a .tltl file: a path of your own, or one that comes with tltlrl")
+    parser.add_argument("trace", metavar="TRACE.csv", nargs="?", type=user_path, help="one recorded trajectory")
     parser.add_argument(
         "--set",
         metavar="NAME=VALUE",
@@ -47,12 +43,16 @@ def add_parser(subparsers: Any, about: str) -> None:
         default=[],
         help="override a constant: goal_radius=0.3, goal=[1,2], goal.r=[1,2]; may be repeated",
     )
-    parser.add_argument("--plot", metavar="FILE", help="draw signals and sub-formulas over time (.png, .pdf, .svg)")
-    parser.set_defaults(command=run)
+    parser.add_argument(
+        "--plot",
+        metavar="FILE",
+        type=user_path,
+        help=f"draw signals and sub-formulas over time ({', '.join(PICTURES)})",
+    )
 
 
 def run(arguments: Namespace) -> int:
-    """The sub-command; returns its exit code.
+    """The command; returns its exit code.
 
     Raises:
       UserError: for exit code 2.
@@ -61,7 +61,7 @@ def run(arguments: Namespace) -> int:
 
 
 def check(
-    spec_path: str | Path,
+    path: str | Path,
     trace_path: str | Path | None = None,
     constants: Mapping[str, object] | None = None,
     plot: str | Path | None = None,
@@ -70,7 +70,7 @@ def check(
     """Checks a spec and, if given, a trace.
 
     Args:
-      spec_path: of a .tltl file.
+      path: of a .tltl file, as for `read_spec`.
       trace_path: of a CSV file.
       constants: in place of the spec's own.
       plot: where to draw the trace, if anywhere.
@@ -85,14 +85,7 @@ def check(
     out = out or sys.stdout
     if plot is not None:
         _check_picture(Path(plot), trace_path)
-    if Path(spec_path).is_char_device():
-        raise UserError(f"{spec_path}: the spec is a device; expected a file; give the path of a .tltl file")
-    try:
-        spec = load_spec(spec_path, constants)
-    except OSError as error:
-        raise UserError(
-            f"{spec_path}: the spec cannot be read: {error.strerror}; give the path of a .tltl file"
-        ) from None
+    spec = read_spec(str(path), constants)
     if trace_path is None:
         print(described(spec), file=out)
         return 0
@@ -103,13 +96,28 @@ def check(
     signals = recording.signals(spec.signals)
     (why,) = spec.explain(signals)
     steps = next(iter(signals.values())).shape[1]
-    print(judged(why, f"{trace_path}, {steps} samples"), file=out)
+    print(judged(why, f"{trace_path}, {steps} samples", warnings(spec, signals)), file=out)
     if plot is not None:
         from tltlrl.reports.trace import draw  # Matplotlib takes longer than the rest of the command
 
         draw(spec, signals, why, plot)
         print(f"picture      {plot}", file=out)
     return 0 if why.satisfied else 1
+
+
+def read_spec(name: str, constants: Mapping[str, object] | None = None) -> Spec:
+    """The spec of a user's own file or, where there is none at that path, the one of that name shipped with tltlrl.
+
+    Raises:
+      UserError: if there is none, or it cannot be read.
+    """
+    path = user_path(name)
+    if path.is_char_device():
+        raise UserError(f"{name}: the spec is a device; expected a file; give the path of a .tltl file")
+    try:
+        return load_spec(path if path.exists() else spec_path(name), constants)
+    except OSError as error:
+        raise UserError(f"{name}: the spec cannot be read: {error.strerror}; give the path of a .tltl file") from None
 
 
 def as_sampled(spec: Spec, recording: Recording) -> Spec:
@@ -185,6 +193,7 @@ def described(spec: Spec) -> str:
         name: "number" if d is None else f"vector of {d}: columns {', '.join(columns(name, d))}"
         for name, d in spec.signals.items()
     }
+    kinds |= dict.fromkeys(spec.booleans, "true or false")
     sections = [
         ("spec", [str(spec.path)]),
         ("formula", [spec.formula]),
@@ -196,6 +205,7 @@ def described(spec: Spec) -> str:
         ),
         ("period", [] if spec.period is None else [f"{spec.period:.12g} s"]),
         ("horizon", [_horizon(spec)]),
+        ("warning", [f"{trap.line}:{trap.column}: {trap.text}" for trap in spec.traps]),
     ]
     return _table(sections)
 
@@ -210,8 +220,26 @@ def _horizon(spec: Spec) -> str:
     return f"the first {spec.horizon + 1} samples{seconds}"
 
 
-def judged(why: Explanation, trace: str) -> str:
-    """Robustness, verdict and explanation of one trajectory."""
+def warnings(spec: Spec, signals: Mapping[str, Array]) -> list[str]:
+    """What is easily missed in how one trajectory fares.
+
+    Args:
+      spec: of known period.
+      signals: of the trajectory, (1, T) or (1, T, d).
+    """
+    told = []
+    steps = next(iter(signals.values())).shape[1]
+    if spec.horizon is not None and spec.horizon >= steps:
+        told.append(
+            f"the formula looks at {spec.horizon + 1} samples and the trace ends after {steps}: windows are cut, X may "
+            "have no next sample"
+        )
+    margins = {text: values[0] for text, values in spec.predicates_over_time(signals).items()}
+    return told + [text for text in [unequal_scales(margins)] if text is not None]
+
+
+def judged(why: Explanation, trace: str, warned: list[str]) -> str:
+    """Robustness, verdict and explanation of one trajectory, and what is easily missed."""
     values = [f"{value:+12.6g}  {name}" for name, value in why.definitions.items()]
     return _table(
         [
@@ -220,6 +248,7 @@ def judged(why: Explanation, trace: str) -> str:
             ("verdict", [why.verdict]),
             ("explanation", [f"decided {why.decided_by} ({why.place})"]),
             ("at step 0", values),
+            ("warning", warned),
         ]
     )
 

@@ -2,39 +2,36 @@
 
 from __future__ import annotations
 
-from argparse import Namespace
-from pathlib import Path
-from typing import Any
+from argparse import ArgumentParser, Namespace
 
 import numpy as np
 from scipy.stats import binomtest
 
 from tltlrl.errors import UserError
 from tltlrl.experiments.experiment import open_run
+from tltlrl.resources import user_path
 from tltlrl.training.study import MOST_TRIALS
 from tltlrl.training.verdict import try_policy
 
 
-def add_parser(subparsers: Any, about: str) -> None:
-    """Adds `evaluate` to a parser's sub-commands."""
-    parser = subparsers.add_parser("evaluate", help=about, description=__doc__)
-    parser.add_argument("run", type=Path, metavar="RUN", help="for instance runs/reach_avoid/tltl_episodic/seed_0")
+def add_arguments(parser: ArgumentParser) -> None:
+    """Adds the arguments of `tltl evaluate`."""
+    parser.add_argument("run", type=user_path, metavar="RUN", help="for instance runs/reach_avoid/tltl_episodic/seed_0")
     parser.add_argument("--trials", type=int, default=10, help="how many (default 10, as in the case study)")
     parser.add_argument("--seed", type=int, default=0, help="of the actuators' noise (default 0)")
-    parser.set_defaults(command=evaluate)
 
 
-def evaluate(arguments: Namespace) -> int:
-    """The sub-command; returns its exit code.
+def run(arguments: Namespace) -> int:
+    """The command; returns its exit code.
 
     Raises:
       UserError: if there is no finished run, or the numbers make no sense.
     """
     if not 1 <= arguments.trials <= MOST_TRIALS or arguments.seed < 0:
         raise UserError(f"--trials must lie between 1 and {MOST_TRIALS}, and --seed be at least 0")
-    run, policy = open_run(arguments.run)
-    tried = try_policy(run, policy, arguments.trials, np.random.default_rng(arguments.seed))
-    for trial, why in enumerate(run.spec.explain(tried.signals, tried.lengths)):
+    learned, policy = open_run(arguments.run)
+    tried = try_policy(learned, policy, arguments.trials, np.random.default_rng(arguments.seed))
+    for trial, why in enumerate(learned.spec.explain(tried.signals, tried.lengths)):
         judged = "".join(f"; {name}: {'yes' if values[trial] else 'no'}" for name, values in tried.outcomes.items())
         print(f"trial {trial}: robustness {why.value:+.4f}, {why.verdict}; decided {why.decided_by}{judged}")
     for name, successes in {"success": tried.robustness > 0, **tried.outcomes}.items():

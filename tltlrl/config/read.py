@@ -15,7 +15,6 @@ from tltlrl.errors import UserError, nearest
 from tltlrl.logic import load_spec
 from tltlrl.registry import LEARNERS, TASKS
 from tltlrl.resources import spec_path
-from tltlrl.training.build import check, make_task
 from tltlrl.training.study import MOST_SEEDS, TLTL, AlgorithmConfig, Case, Stage, Study
 
 Settings = TypeVar("Settings")
@@ -31,6 +30,12 @@ def read(config: Mapping[str, Any]) -> tuple[Study, Machinery]:
     config = _of_the_right_kinds(config)
     address = dataclass_from(Engine, config["engine"], "engine").address
     machinery = Machinery(config["workers"], address, config["runs_dir"], config["overwrite"])
+    # What is wrong with these is told before MuJoCo is imported, which takes longer than finding it.
+    seeds = _seeds(config["seeds"])
+    spec = load_spec(spec_path(config["spec"]), config["constants"])
+
+    from tltlrl.training.build import check, make_task
+
     entry = TASKS.get(str(config["task"].get("name")))
     cases = [case_of(str(name), entry.hand_made) for name in config["cases"]]
     names = list(dict.fromkeys(case.learner for case in cases))
@@ -44,9 +49,9 @@ def read(config: Mapping[str, Any]) -> tuple[Study, Machinery]:
         name=config["name"],
         task=task,
         reward=reward,
-        spec=load_spec(spec_path(config["spec"]), config["constants"]).sampled(make_task(task).control_timestep),
+        spec=spec.sampled(make_task(task).control_timestep),
         cases=tuple(cases),
-        seeds=_seeds(config["seeds"]),
+        seeds=seeds,
         algorithm=algorithm,
         learners=learners,
         refine=_refinement(config["algorithm"], names),

@@ -27,8 +27,8 @@ from tltlrl.reports.workspace import draw_workspace
 from tltlrl.store import layout
 from tltlrl.store.files import clear_leftovers, digest, write_json, write_text
 from tltlrl.store.layout import CONFIG, DONE, LOG, MANIFEST, POLICY, SPECS, WORKSPACE
-from tltlrl.store.run import DamagedError, drop_checkpoint, read_checkpoint, read_results
-from tltlrl.training.build import make_task
+from tltlrl.store.run import DamagedError, drop_checkpoint, read_checkpoint, read_results, robustness_so_far
+from tltlrl.training.build import cut_windows, make_task
 from tltlrl.training.session import learned_policy
 from tltlrl.training.study import Run, Study
 
@@ -61,17 +61,26 @@ def run_experiment(study: Study, machinery: Machinery, command: list[str]) -> bo
         before = read_manifest(folder / MANIFEST)
         if done and before is None:
             notes.append(f"{MANIFEST} was missing or damaged: who computed what is kept is not known any more")
+        if missing and (note := cut_windows(study)):
+            notes.append(note)
         if missing or before is None:  # otherwise nothing here is of this session, and the manifest stays as it is
             session = start_session(command)
             write_json(folder / MANIFEST, manifest(study, before, session))
-        with Progress([label(run) for run in missing], study.algorithm.iterations, folder / LOG) as progress:
+        paths = [run_folder(folder, run) for run in missing]
+        with Progress(
+            [label(run) for run in missing],
+            study.algorithm.iterations,
+            folder / LOG,
+            lambda index: robustness_so_far(paths[index]),
+        ) as progress:
             for note in [*notes, *damages]:
                 progress.say(note)
             if done:
                 progress.say(f"{done} of {done + len(missing)} runs were done before and are kept")
             failures = compute(folder, study, machinery, missing, progress) if missing else {}
-        results = finished(folder, study)
-        write_report(folder, study, results, failures)
+            results = finished(folder, study)
+            for line in write_report(folder, study, results, failures):
+                progress.say(line)
         draw_cases(folder, study, results)
         if missing or before is None:
             write_json(folder / MANIFEST, manifest(study, before, end_session(session)))
@@ -152,10 +161,10 @@ def open_run(folder: Path) -> tuple[Run, Policy]:
     above = folder.resolve().parent.parent
     advice = "give one like runs/reach_avoid/tltl_episodic/seed_0"
     try:
-        settings = yaml.safe_load((above / CONFIG).read_text())
+        settings = yaml.safe_load((above / CONFIG).read_text(encoding="utf-8"))
         settings["spec"] = str(_spec_copy(above, settings["spec"]))
         policy = learned_policy(folder)
-        (folder / DONE).read_text()
+        (folder / DONE).read_text(encoding="utf-8")
     except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError) as error:
         raise UserError(f"{folder} is not the folder of a finished run ({error}); {advice}") from error
     study, _ = read(settings | machinery_defaults())

@@ -64,7 +64,7 @@ def manifest(study: Study, before: Mapping[str, Any] | None, session: Mapping[st
 def read_manifest(path: Path) -> dict[str, Any] | None:
     """manifest.json as it is; None if there is none, or none that was written whole."""
     try:
-        content = json.loads(path.read_text())
+        content = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
     whole = (
@@ -135,7 +135,7 @@ def _git() -> dict[str, Any] | None:
 
 def _cpu() -> str:
     try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
         return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
     except (OSError, StopIteration):
         return platform.processor()

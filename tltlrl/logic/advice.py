@@ -31,6 +31,14 @@ OPERATORS = {
     "NEXT": "is the operator 'next'",
     "ALWAYS": "is the operator 'always'",
     "EVENTUALLY": "is the operator 'eventually'",
+    "XOR": "is the operator 'xor'",
+    "SINCE": "is the operator 'since'",
+    "PREVIOUS": "is the operator 'previous'",
+    "STRONG_PREVIOUS": "is the operator 'previous'",
+    "ONCE": "is the operator 'once'",
+    "HISTORICALLY": "is the operator 'historically'",
+    "TRUE": "is 'true'",
+    "FALSE": "is 'false'",
 }
 DECLARATIONS = {name.upper(): name for name in ("signal", "const", "let", "def", "spec")}
 ARITHMETIC = {"PLUS", "MINUS", "STAR", "SLASH", "POWER"}
@@ -70,7 +78,8 @@ class Stop:
     @property
     def missing(self) -> list[str]:
         """Marks that can stand here, the most likely first."""
-        return [mark for name, mark in MARKS.items() if name in self.accepts]
+        accepts = self.accepts - ({"COLON"} if "DOTS" in self.accepts else set())
+        return [] if self.declaration_wanted else [mark for name, mark in MARKS.items() if name in accepts]
 
     @property
     def marks(self) -> str:
@@ -194,8 +203,10 @@ TABLE: tuple[tuple[Condition, Advice], ...] = (
         lambda s: f"expected an operand; put parentheses around it: ({s.token} i in ...: ...)",
     ),
     (
-        lambda s: s.operand_wanted and s.kind == "LSQB" and s.before in {"X", "T", "W", "○", "◯"},
-        lambda _: "this operator takes no interval; delete it (X[!] is the strong next)",
+        lambda s: s.operand_wanted and s.kind == "LSQB" and s.before in {"X", "next", "previous", "○", "◯"},
+        lambda _: (
+            "this operator takes no interval; delete it (X[!] is the strong next, previous[!] the strong previous)"
+        ),
     ),
     (
         lambda s: s.operand_wanted and s.kind in {"LESS", "GREATER"} and s.before in {"<", ">"},
@@ -267,10 +278,6 @@ TABLE: tuple[tuple[Condition, Advice], ...] = (
         ),
     ),
     (
-        lambda s: s.declaration_wanted and s.within == "signal" and s.kind == "COLON",
-        lambda _: "expected the next declaration; a signal has no type: delete what begins with the colon",
-    ),
-    (
         lambda s: s.declaration_wanted and s.within == "signal" and s.kind == "LSQB",
         lambda _: (
             "expected the next declaration; a signal is one number or one vector: declare several, "
@@ -323,10 +330,7 @@ def expected(token: Token, accepts: set[str], text: str, after: str) -> str:
 def unknown_character(char: str) -> str:
     """What to do about a character that has no meaning in a spec."""
     advice = {
-        "~": "for 'not' write !",
         "^": "for a power write **, for 'and' write &",
-        "{": "group with ( )",
-        "}": "group with ( )",
         ";": "a declaration ends where the next one begins: delete it",
         '"': "names are written without quotes",
         "'": "names are written without quotes",

@@ -12,12 +12,14 @@ import numpy as np
 
 from tltlrl.errors import nearest
 from tltlrl.logic import syntax
-from tltlrl.logic.errors import Source, Span, SpecError, elsewhere
+from tltlrl.logic.errors import Source, Span, SpecError
 from tltlrl.logic.syntax import Node
 
 Value = float | tuple[float, ...]
 MAX_DIMENSION = 1000  # of a signal: each component is a node of its own
 
+# Those that no name can hide; the others are names where the text declares them.
+RESERVED = {"abs", "sqrt", "exp", "sin", "cos", "min", "max", "norm", "distance", "ball", "box"}
 # name -> fewest and most arguments
 FUNCTIONS = {
     "abs": (1, 1),
@@ -25,6 +27,10 @@ FUNCTIONS = {
     "exp": (1, 1),
     "sin": (1, 1),
     "cos": (1, 1),
+    "previous": (1, 1),
+    "rise": (1, 1),
+    "fall": (1, 1),
+    "holds": (1, 1),
     "min": (1, math.inf),
     "max": (1, math.inf),
     "norm": (1, 1),
@@ -46,6 +52,7 @@ class Declarations:
     names: tuple[str, ...]
     signals: dict[str, int | None]
     signal_spans: dict[str, Span]
+    booleans: frozenset[str]  # names of the signals that are true or false
     families: dict[str, tuple[str, ...]]
     constants: dict[str, Value | dict[str, Value]]
     durations: frozenset[tuple[str, str | None]]
@@ -71,8 +78,6 @@ def declare(
     signals, spans = {d.name: d.dimension for d in own}, {d.name: d.span for d in own}
     if document.is_bare:
         signals, spans = _inferred_signals(document.formula)
-        for name in sorted({"true", "false"} & signals.keys()):
-            raise SpecError(source, spans[name], f"found '{name}'; expected the name of a signal; {elsewhere(name)}")
         for name in sorted(FUNCTIONS.keys() & signals.keys()):
             raise SpecError(source, spans[name], f"'{name}' is a function; expected its arguments; write {name}(...)")
     constants = _effective_constants(source, document, families, {} if overrides is None else overrides)
@@ -81,7 +86,10 @@ def declare(
     durations = frozenset(
         (d.name, d.label) for d in document.declarations if isinstance(d, syntax.Constant) and d.is_duration
     )
-    return Declarations(names, signals, spans, families, constants, durations, period, settled, document.is_bare)
+    booleans = frozenset(d.name for d in own if d.is_boolean)
+    return Declarations(
+        names, signals, spans, booleans, families, constants, durations, period, settled, document.is_bare
+    )
 
 
 def _period(source: Source, document: syntax.Document, given: float | None) -> float | None:
@@ -122,7 +130,7 @@ def check_binding(source: Source, span: Span, variable: str, labels: tuple[str, 
     if len(set(labels)) < len(labels):
         twice = next(label for label in labels if labels.count(label) > 1)
         raise SpecError(source, span, f"the label '{twice}' is listed twice; expected once; delete one")
-    if variable in names or variable in labels or variable in FUNCTIONS:
+    if variable in names or variable in labels or variable in RESERVED:
         raise SpecError(
             source,
             span,
@@ -138,7 +146,7 @@ def _names(source: Source, document: syntax.Document) -> tuple[tuple[str, ...], 
         if isinstance(d, syntax.Period):
             continue
         first = declared.get(d.name)
-        if d.name in FUNCTIONS:
+        if d.name in RESERVED:
             raise SpecError(
                 source, d.span, f"'{d.name}' is a function of the language; expected a new name; choose another"
             )

@@ -10,8 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tltlrl.logic.graph import Array
-from tltlrl.logic.pursuit import Compiled, Late, Quick
-from tltlrl.logic.semantics import Values
+from tltlrl.logic.memory import Memory
+from tltlrl.logic.pursuit import Compiled, Late, Quick, Whole
+from tltlrl.logic.semantics import Signals
+
+# (memory, signals, step) -> signals as (N, 1), values of nodes as (N,)
+Sampler = Callable[[Memory, Mapping[str, ArrayLike], int], tuple[Signals, dict[int, Array]]]
 
 
 class Reading(NamedTuple):
@@ -42,7 +46,7 @@ class Monitor:
       literals: their values at the last sample, (1 + literals, N).
     """
 
-    def __init__(self, spec: Compiled, count: int, sample: Callable[[Mapping[str, ArrayLike], int], Values]) -> None:
+    def __init__(self, spec: Compiled, count: int, sample: Sampler) -> None:
         self.count, self._spec, self._sample = count, spec, sample
         self.restart()
 
@@ -52,13 +56,20 @@ class Monitor:
         spec, slow = self._spec, [clause for clause in self._spec.clauses if clause.is_slow]
         self.literals = np.empty((0, self.count))
         self.pursuits: list[Quick | Late] = [Late(spec, clause, self.count) for clause in slow]
+        self._memory = spec.memory(self.count)
+        self._whole = [Whole(spec.terms.source, node) for node in spec.others]
         if len(slow) < len(spec.clauses):
             self.pursuits.append(Quick(spec, self.count))
 
     @property
+    def reads_whole(self) -> bool:
+        """Whether a part of the spec is evaluated on all samples each time, and has no bounds."""
+        return bool(self._spec.others)
+
+    @property
     def keeps_past(self) -> bool:
         """Whether all samples are kept, and a reading takes longer the longer the trajectories are: exact, too."""
-        return any(clause.automaton is None for clause in self._spec.clauses)
+        return self.reads_whole or any(clause.automaton is None for clause in self._spec.clauses)
 
     def atom_rows(self) -> dict[int, int]:
         """Which row of `literals` holds which literal, clocks left out."""
@@ -77,17 +88,19 @@ class Monitor:
         Raises:
           TraceError: as `Spec.robustness`; the sample then counts as not read.
         """
-        values = self._sample(signals, self.steps)
+        block, values = self._sample(self._memory, signals, self.steps)
+        whole = [one.update(block) for one in self._whole]
+        self._memory.remember(values)
         literals = np.empty((1 + len(self._spec.literals), self.count))
         literals[0] = np.inf
         for row, literal in enumerate(self._spec.literals, start=1):
             if literal in self._spec.atoms:
                 node, sign = self._spec.atoms[literal]
-                (np.positive if sign else np.negative)(values[node][:, 0], out=literals[row])
+                (np.positive if sign else np.negative)(values[node], out=literals[row])
             else:
                 low, high, inside = self._spec.clocks[literal]
                 literals[row] = np.inf if (low <= self.steps <= high) == inside else -np.inf
-        read = [pursuit.update(literals, self.steps) for pursuit in self.pursuits]
+        read = [*(pursuit.update(literals, self.steps) for pursuit in self.pursuits), *whole]
         robustness, lower, upper = read[0] if len(read) == 1 else map(np.minimum.reduce, zip(*read, strict=True))
         self.steps += 1
         self.literals = literals
@@ -95,7 +108,8 @@ class Monitor:
 
     def _state(self) -> Array | None:
         parts = [pursuit.state() for pursuit in self.pursuits]
-        if any(part is None for part in parts):
+        if self.keeps_past or any(part is None for part in parts):
             return None
         steps = [np.full((1, self.count), float(self.steps))] if self._spec.clocks else []
-        return np.concatenate([*(part for part in parts if part is not None), *steps]).T
+        past = [part[None] for part in self._memory.state()]
+        return np.concatenate([*(part for part in parts if part is not None), *past, *steps]).T

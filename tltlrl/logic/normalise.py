@@ -40,11 +40,12 @@ def spreads(places: Mapping[int, object], margins: Mapping[int, Array]) -> dict[
 
     Args:
       places: predicate's node => where it is written.
-      margins: its node => its values, of any shape; NaN counts for nothing.
+      margins: its node => its values, of any shape; those that are not finite count for nothing.
     """
     variances = defaultdict(list)
     for node, place in places.items():
-        variances[place].append(float(np.nanvar(margins[node])))
+        seen = margins[node][np.isfinite(margins[node])]
+        variances[place].append(float(np.var(seen)) if len(seen) else 0.0)
     spread = {place: float(np.sqrt(np.mean(values))) for place, values in variances.items()}
     return {node: spread[place] or 1.0 for node, place in places.items()}
 

@@ -1,7 +1,9 @@
 """Spec text to syntax tree."""
 
 import re
+from collections.abc import Iterator
 from functools import cache
+from itertools import pairwise
 
 from lark import Lark, Token, Transformer, UnexpectedCharacters, UnexpectedInput, UnexpectedToken, v_args
 
@@ -21,6 +23,45 @@ def span_of(token: Token) -> Span:
 
 
 Piece = Node | Token | None
+
+
+class _Misread(Exception):
+    """What the grammar allows and the language does not: where, and the problem."""
+
+    def __init__(self, span: Span, problem: str) -> None:
+        super().__init__(problem)
+        self.span, self.problem = span, problem
+
+
+# Words that no text can make a name of: those of the first edition, whose specs know no others.
+RESERVED = {"signal", "const", "let", "def", "spec", "in", "all", "any", "and", "or", "not", "inf", *"GFXURWT"}
+
+
+class _DeclaredWords:
+    """A word that the text declares is a name in it, whatever it means elsewhere, and so is a label."""
+
+    always_accept = ()
+
+    def process(self, stream: Iterator[Token]) -> Iterator[Token]:
+        """The tokens of one text, with those words as names."""
+        tokens: list[Token] = []
+        stop: UnexpectedCharacters | None = None
+        try:
+            tokens.extend(stream)
+        except UnexpectedCharacters as mistake:
+            stop = mistake  # told after what stands before it
+        declared = {str(b) for a, b in pairwise(tokens) if a.type in {"SIGNAL", "CONST", "LET", "DEF"}}
+        before, is_label = "", False
+        for token, after in zip(tokens, [*(token.type for token in tokens[1:]), ""], strict=False):
+            is_label = (is_label or before == "IN") and token.type not in {"COLON", "RSQB"}
+            in_brackets = before == "LSQB" and after in {"IN", "RSQB"}
+            is_name = token in declared or is_label or in_brackets or before in {"DOT", "ALL", "ANY"}
+            if is_name and token not in RESERVED and token.isidentifier():
+                token = token.update(type="NAME")
+            before = token.type
+            yield token
+        if stop is not None:
+            raise stop
 
 
 @v_args(inline=True)
@@ -48,13 +89,23 @@ class _TreeBuilder(Transformer[Token, object]):
     def duration(self, token: Token) -> Node:
         return syntax.Duration(_seconds(token), span=span_of(token))
 
-    def signal(self, _: Token, name: Token, *bracket: Token) -> Node:
-        span = span_of(name).to(span_of(bracket[-1] if bracket else name))
+    def signal(self, _: Token, name: Token, *rest: Token) -> Node:
+        typed = (
+            [token.type for token in rest].index("COLON") if "COLON" in {token.type for token in rest} else len(rest)
+        )
+        bracket = rest[:typed]
+        span = span_of(name).to(span_of(rest[-1] if rest else name))
         dimension = None
+        if rest[typed:] and (rest[-1] != "bool" or bracket):
+            raise _Misread(
+                span_of(rest[typed] if rest[-1] != "bool" else bracket[0]).to(span_of(rest[-1])),
+                f"found '{rest[-1]}'; what is true or false is one 'signal {name}: bool', any other is numbers; "
+                "delete what begins with the colon",
+            )
         if bracket:
             # tltlrl.logic.declarations refuses 0, which stands for `signal x[2.5]`, and all numbers of five digits.
             dimension = int(bracket[1].lstrip("0")[:5] or 0) if bracket[1].isdecimal() else 0
-        return syntax.Signal(str(name), dimension, span=span)
+        return syntax.Signal(str(name), dimension, bool(rest[typed:]), span=span)
 
     def constant(self, _: Token, name: Token, *rest: object) -> Node:
         label = str(rest[1]) if len(rest) > 2 else None
@@ -113,11 +164,35 @@ class _TreeBuilder(Transformer[Token, object]):
     def release(self, left: Node, _: Token, *rest: Node) -> Node:
         return syntax.Release(left, rest[-1], _interval(rest), span=left.span.to(rest[-1].span))
 
-    def weak_until(self, left: Node, _: Token, right: Node) -> Node:
-        return syntax.WeakUntil(left, right, span=left.span.to(right.span))
+    def weak_until(self, left: Node, _: Token, *rest: Node) -> Node:
+        return syntax.WeakUntil(left, rest[-1], _interval(rest), span=left.span.to(rest[-1].span))
 
-    def then(self, left: Node, _: Token, right: Node) -> Node:
-        return syntax.Then(left, right, span=left.span.to(right.span))
+    def then(self, left: Node, _: Token, *rest: Node) -> Node:
+        return syntax.Then(left, rest[-1], _interval(rest), span=left.span.to(rest[-1].span))
+
+    def since(self, left: Node, _: Token, *rest: Node) -> Node:
+        return syntax.Since(left, rest[-1], _interval(rest), span=left.span.to(rest[-1].span))
+
+    def previous(self, operator: Token, operand: Node) -> Node:
+        return syntax.Call("previous", (operand,), span=span_of(operator).to(operand.span))
+
+    def strong_previous(self, operator: Token, operand: Node) -> Node:
+        return syntax.Previous(operand, span=span_of(operator).to(operand.span))
+
+    def once(self, operator: Token, *rest: Node) -> Node:
+        return syntax.Once(rest[-1], _interval(rest), span=span_of(operator).to(rest[-1].span))
+
+    def historically(self, operator: Token, *rest: Node) -> Node:
+        return syntax.Historically(rest[-1], _interval(rest), span=span_of(operator).to(rest[-1].span))
+
+    def xor(self, left: Node, _: Token, right: Node) -> Node:
+        return syntax.Xor(left, right, span=left.span.to(right.span))
+
+    def true(self, token: Token) -> Node:
+        return syntax.Boolean(True, span=span_of(token))
+
+    def false(self, token: Token) -> Node:
+        return syntax.Boolean(False, span=span_of(token))
 
     def not_(self, operator: Token, operand: Node) -> Node:
         return syntax.Not(operand, span=span_of(operator).to(operand.span))
@@ -134,8 +209,9 @@ class _TreeBuilder(Transformer[Token, object]):
     def eventually(self, operator: Token, *rest: Node) -> Node:
         return syntax.Eventually(rest[-1], _interval(rest), span=span_of(operator).to(rest[-1].span))
 
-    def interval(self, left: Token, lower: Node, _: Token, upper: Node, right: Token) -> Node:
-        return syntax.Interval(lower, upper, span=span_of(left).to(span_of(right)))
+    def interval(self, left: Token, lower: Node, _: Token, upper: Node, *rest: Token) -> Node:
+        mark = "" if len(rest) == 1 else "?" if rest[0].type == "MAYBE" else "!"
+        return syntax.Interval(lower, upper, mark, span=span_of(left).to(span_of(rest[-1])))
 
     def endless(self, left: Token, lower: Node, _: Token, end: Token, right: Token) -> Node:
         return syntax.Interval(lower, syntax.Infinity(span=span_of(end)), span=span_of(left).to(span_of(right)))
@@ -166,7 +242,9 @@ class _TreeBuilder(Transformer[Token, object]):
 
     def call(self, name: Token, *rest: Piece) -> Node:
         assert isinstance(rest[-1], Token)
-        return syntax.Call(str(name), _nodes(rest), span=span_of(name).to(span_of(rest[-1])))
+        return syntax.Call(
+            "previous" if name == "prev" else str(name), _nodes(rest), span=span_of(name).to(span_of(rest[-1]))
+        )
 
     def parentheses(self, _l: Token, inner: Node, _r: Token) -> Node:
         return inner
@@ -194,7 +272,7 @@ def _interval(rest: tuple[Node, ...]) -> syntax.Interval | None:
 
 @cache
 def _parser() -> Lark:
-    return grammar.parser(_TreeBuilder())
+    return grammar.parser(_TreeBuilder(), _DeclaredWords())
 
 
 def parse(source: Source) -> syntax.Document:
@@ -214,6 +292,8 @@ def parse(source: Source) -> syntax.Document:
         document = _parser().parse(source.text)
     except UnexpectedInput as mistake:
         error = _explain(source, mistake)
+    except _Misread as mistake:
+        error = SpecError(source, mistake.span, mistake.problem)
     if document is None:
         raise error  # out here it has no context: lark's own error holds a parser, which cannot go to another process
     assert isinstance(document, syntax.Document)

@@ -6,7 +6,7 @@ does not help, the whole past is kept: just as exact, and slower the longer it r
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from tltlrl.logic.automaton import Automaton, Guard, Progress, TooLargeError
 from tltlrl.logic.graph import FOREVER, Array, Graph
-from tltlrl.logic.semantics import Plan, plan
+from tltlrl.logic.memory import Memory
+from tltlrl.logic.semantics import Plan, Signals, plan
 from tltlrl.logic.slices import Ahead, Slice
-from tltlrl.logic.terms import Terms
+from tltlrl.logic.terms import Terms, UnsupportedError
 
 Clock = tuple[int, int, bool]  # low, high, inside
 Indices = NDArray[np.intp]
@@ -49,10 +50,13 @@ class Compiled:
     Attributes:
       terms: of the spec.
       clauses: its conjuncts.
+      others: nodes of the spec's graph whose values complete the minimum; no term says what they do.
     """
 
     terms: Terms
     clauses: tuple[Clause, ...]
+    others: tuple[int, ...] = ()
+    plans: dict[tuple[int, ...], Plan] = field(default_factory=dict)
 
     @cached_property
     def literals(self) -> tuple[int, ...]:
@@ -75,10 +79,18 @@ class Compiled:
         ops = self.terms.graph.ops
         return {term: _atom(ops[term].data) for term in self.literals if ops[term].name == "literal"}
 
-    @cached_property
-    def plan(self) -> Plan:
-        """Of the atoms' values at one sample."""
-        return plan(self.terms.source, {node: (0, 1) for node, _ in self.atoms.values()}, 1)
+    def memory(self, count: int) -> Memory:
+        """For the past of `count` trajectories."""
+        graph = self.terms.source
+        of_others = (node for node in graph.below(self.others) if graph.local[node])
+        return Memory(graph, sorted({*(node for node, _ in self.atoms.values()), *of_others}), count)
+
+    def plan(self, memory: Memory) -> Plan:
+        """Of all that is read of one sample itself."""
+        key = tuple(memory.present)
+        if key not in self.plans:
+            self.plans[key] = plan(self.terms.source, dict.fromkeys(key, (0, 1)), 1)
+        return self.plans[key]
 
     @cached_property
     def quick(self) -> "Together":
@@ -104,13 +116,26 @@ def compiled(graph: Graph, root: int) -> Compiled:
     """Make ready to monitor a node of a spec's graph.
 
     Raises:
-      UnsupportedError: for an operator that a monitor does not know.
       RecursionError: for a formula that nests too deep.
     """
     terms = Terms(graph)
     progress = Progress(terms)
-    clauses = [_clause(terms, progress, term) for term in terms.conjuncts(terms.from_start(root))]
-    return Compiled(terms, tuple(clauses))
+    found: dict[int, None] = {}
+    others = []
+    for part in _parts(graph, root):
+        try:
+            found.update(dict.fromkeys(terms.conjuncts(terms.from_start(part))))
+        except UnsupportedError:
+            others.append(part)
+    return Compiled(terms, tuple(_clause(terms, progress, term) for term in found), tuple(others))
+
+
+def _parts(graph: Graph, node: int) -> list[int]:
+    """The nodes whose minimum it is."""
+    op = graph.ops[node]
+    if op.name != "minimum" or graph.local[node]:
+        return [node]
+    return [part for arg in op.args for part in _parts(graph, arg)]
 
 
 def _clause(terms: Terms, progress: Progress, term: int) -> Clause:
@@ -321,6 +346,22 @@ class Late:
         missing = self._clause.delay - len(self._past)
         nothing = np.full((missing * (1 + len(self._spec.literals)), self.alpha.shape[1]), np.nan)
         return np.concatenate([self.alpha[1:], *self._past, nothing])
+
+
+class Whole:
+    """A node that no term says, such as the past of a future: evaluated on all samples each time, without bounds."""
+
+    def __init__(self, graph: Graph, node: int) -> None:
+        self._graph, self._node = graph, node
+        self._past: list[Signals] = []
+
+    def update(self, block: Signals) -> tuple[Array, Array, Array]:
+        """One more sample, its signals (N, 1): robustness, lower, upper."""
+        self._past.append({key: np.array(values) for key, values in block.items()})
+        signals = {key: np.concatenate([one[key] for one in self._past], axis=1) for key in block}
+        steps = len(self._past)
+        value = plan(self._graph, {self._node: (0, 1)}, steps).run(signals)[self._node][:, 0]
+        return value, np.full_like(value, -np.inf), np.full_like(value, np.inf)
 
 
 def settled(clocks: Mapping[int, Clock], step: int) -> tuple[frozenset[int], frozenset[int]]:

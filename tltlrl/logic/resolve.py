@@ -12,7 +12,7 @@ from tltlrl.errors import nearest
 from tltlrl.logic import syntax
 from tltlrl.logic.declarations import FUNCTIONS, Declarations, Value, check_binding, declare
 from tltlrl.logic.errors import Source, Span, SpecError, elsewhere
-from tltlrl.logic.graph import FOREVER, Graph
+from tltlrl.logic.graph import BEGUN, FOREVER, Graph
 from tltlrl.logic.shortcut import at_start
 from tltlrl.logic.syntax import Node
 
@@ -51,6 +51,7 @@ class Truth:
     data: tuple[object, ...] = ()
     predicate: Predicate | None = None
     name: str | None = None  # of the named sub-formula that it is
+    span: Span | None = None  # None for what is only a part of an operator's meaning
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,8 +59,9 @@ class Region:
     """A ball or box of constant size and place that a formula speaks of, for pictures of the workspace.
 
     `name` is the named sub-formula that holds it (None in the spec's own line), `signal` the vector signal
-    it is about (None when it is about an expression), `inside` whether the predicate holds inside (outside in
-    distance(...) > radius). A ball has `centre` and `radius`, a box `lower` and `upper`.
+    it is about (None when it is about an expression), `inside` whether the formula ever asks to be in it, and not
+    only to keep out (as in distance(...) > radius, or under a negation). A ball has `centre` and `radius`, a box
+    `lower` and `upper`.
     """
 
     name: str | None
@@ -83,6 +85,7 @@ class Meaning:
     start: int  # a node of the same value at the first sample
     signals: dict[str, int | None]
     signal_spans: dict[str, Span]
+    booleans: frozenset[str]  # the signals that are true or false
     constants: dict[str, Value | dict[str, Value]]
     definitions: dict[str, tuple[Truth, str]]  # named sub-formulas in order, with their text
     places: dict[int, Predicate]  # of arithmetic nodes that can fail
@@ -90,6 +93,25 @@ class Meaning:
     durations: frozenset[str]  # names of the constants that are in seconds
     timed: Span | None  # of the first bound in seconds
     regions: tuple[Region, ...]
+
+    @property
+    def predicates(self) -> dict[str, int]:
+        """The predicates of the formula and their nodes."""
+        found: dict[str, int] = {}
+        stack, seen = [self.formula], set()
+        while stack:
+            truth = stack.pop()
+            if truth.predicate is not None:
+                found[truth.predicate.text] = truth.node
+            elif truth not in seen:
+                seen.add(truth)
+                stack.extend(truth.parts)
+        return found
+
+    @property
+    def looks_back(self) -> bool:
+        """Whether something in it looks at earlier samples."""
+        return any(self.graph.looks_back)
 
 
 def resolve(
@@ -120,7 +142,7 @@ class _Resolver:
         self.graph = Graph()
         self.results: dict[tuple[str, str | None], Expression | Truth] = {}
         self.places: dict[int, Predicate] = {}
-        self.regions: list[Region] = []
+        self.regions: list[tuple[Region, int]] = []  # each with the node of its predicate
         self.distances: dict[int, tuple[Node, tuple[float, ...]]] = {}  # of a point from a fixed one
         self.within: str | None = None  # the named sub-formula being read
         self.timed: Span | None = None
@@ -138,6 +160,11 @@ class _Resolver:
             for label, value in constant.items() if isinstance(constant, dict) else [(None, constant)]:
                 number = self._number(value)
                 self.results[name, label] = replace(number, is_duration=(name, label) in self.declared.durations)
+        if not self.declared.signals:
+            raise self.error(
+                self.declared.document.formula,
+                "the formula holds no signal; expected one at least; write what it says of a trajectory",
+            )
         ordered, used = self._order(definitions)
         for name in ordered:
             if name in used:
@@ -154,6 +181,11 @@ class _Resolver:
             for title in [_title(name, label)]
         ]
         titles: list[str | None] = [title for title, *_ in order] + [None]
+        asked = _asked(formula)
+        regions = [
+            replace(region, inside=(node, region.inside) in asked)  # asked for inside, or its opposite for outside
+            for region, node in self.regions
+        ]
         return Meaning(
             self.declared.document,
             self.graph,
@@ -162,13 +194,14 @@ class _Resolver:
             at_start(self.graph, formula.node),
             self.declared.signals,
             self.declared.signal_spans,
+            self.declared.booleans,
             self.declared.constants,
             {title: (truth, _with_labels(d.body, {d.variable: label})) for title, label, truth, d in order},
             self.places,
             self.declared.period,
             frozenset(name for name, _ in self.declared.durations),
             self.timed,
-            tuple(dict.fromkeys(r for title in titles for r in self.regions if r.name == title)),
+            tuple(dict.fromkeys(r for title in titles for r in regions if r.name == title)),
         )
 
     def _order(self, definitions: dict[str, syntax.Definition]) -> tuple[list[str], set[str]]:
@@ -228,6 +261,10 @@ class _Resolver:
                 f"'{node.name}' is a family; expected one of its members; write {node.name}[{labels[0]}]",
             )
         result = self.results.get((node.name, None))
+        if result is not None and node.name in self.declared.booleans:
+            assert isinstance(result, Expression)
+            margin = self.graph.add("subtract", *result.components, self.graph.add("constant", data=(0.5,)))
+            return self._predicate(node, self.graph.add("holds", margin), scope)
         if result is not None:
             return result
         if node.name in scope:
@@ -298,6 +335,9 @@ class _Resolver:
                 return replace(q, components=tuple(self.graph.add("negative", c) for c in q.components))
             case syntax.Arithmetic():
                 return self._arithmetic(node, scope)
+            case syntax.Boolean(is_true):
+                infinite = self.graph.add("constant", data=(math.inf if is_true else -math.inf,))
+                return Truth(infinite, predicate=Predicate(str(node), node.span))
             case syntax.Call():
                 return self._call(node, scope)
             case _:
@@ -394,7 +434,7 @@ class _Resolver:
 
     def _call(self, node: syntax.Call, scope: Mapping[str, str]) -> Expression | Truth:
         name, arguments = node.function, node.arguments
-        if name not in FUNCTIONS:
+        if name not in FUNCTIONS or name in self.declared.names:
             what = "is no function" if name in self.declared.names else "unknown function"
             near = nearest(name, FUNCTIONS).removeprefix("; ")
             advice = elsewhere(name) or (near if near.startswith("did") else "write it with these")
@@ -408,6 +448,20 @@ class _Resolver:
                 f"expected {fewest} argument{plural}; add or delete some",
             )
         match name:
+            case "previous":
+                before = self.evaluate(arguments[0], scope)
+                if isinstance(before, Truth):
+                    return self._previous(before, 1, False)
+                (before,) = (self.quantity(a, scope) for a in arguments)
+                return replace(before, components=tuple(map(self._lag, before.components)))
+            case "rise" | "fall":
+                p = self.truth(arguments[0], scope)
+                not_p = self._operation("negative", p)
+                now, then = (p, not_p) if name == "rise" else (not_p, p)
+                return self._operation("minimum", now, self._previous(then, 1, False))
+            case "holds":
+                condition = self.graph.add("holds", self.truth(arguments[0], scope).node)
+                return Truth(condition, predicate=Predicate(_with_labels(node, scope), node.span))
             case "ball" | "box":
                 return self._region(node, scope)
             case "norm":
@@ -459,9 +513,10 @@ class _Resolver:
             if size <= 0:
                 raise self.error(radius_node, f"the radius is {size:g}; expected a positive number; correct it")
             far = self._distance(node, scope, (point, centre_node))
+            truth = self._predicate(node, self.fold(node, "subtract", radius.components[0], far), scope)
             if values[0].dimension is not None:
-                self._remember(point, "ball", True, centre=centre, radius=size)
-            return self._predicate(node, self.fold(node, "subtract", radius.components[0], far), scope)
+                self._remember(truth, point, "ball", True, centre=centre, radius=size)
+            return truth
         x, low, high = self.same((point, *rest), scope, "a box and its points lie in one space")
         lower, upper = self._fixed(rest[0], low), self._fixed(rest[1], high)
         for a, b in zip(lower, upper, strict=True):
@@ -476,13 +531,14 @@ class _Resolver:
             for c, a, b in zip(x.components, low.components, high.components, strict=True)
             for pair in ((c, a), (b, c))
         ]
+        truth = self._predicate(node, self.fold(node, "minimum", *faces), scope)
         if x.dimension is not None:
-            self._remember(point, "box", True, lower=lower, upper=upper)
-        return self._predicate(node, self.fold(node, "minimum", *faces), scope)
+            self._remember(truth, point, "box", True, lower=lower, upper=upper)
+        return truth
 
-    def _remember(self, point: Node, kind: str, inside: bool, **shape: Any) -> None:
+    def _remember(self, predicate: Truth, point: Node, kind: str, inside: bool, **shape: Any) -> None:
         signal = point.name if isinstance(point, syntax.Name) and point.name in self.declared.signals else None
-        self.regions.append(Region(self.within, kind, signal, inside, **shape))
+        self.regions.append((Region(self.within, kind, signal, inside, **shape), predicate.node))
 
     # Formulas
 
@@ -490,10 +546,12 @@ class _Resolver:
         result = self.evaluate(node, scope)
         if isinstance(result, Expression):
             advice = f"compare it, as in {node} > 0.5 if 1 says that it is true"
+            if isinstance(node, syntax.Name) and node.name in self.declared.signals:
+                advice += f", or declare it so, as in 'signal {node.name}: bool'"
             if result.dimension is not None:
                 advice = f"compare a component or the length, as in norm({node}) < 1"
             raise self.error(node, f"found {_shape(result)}; expected a formula; {elsewhere(str(node)) or advice}")
-        return result
+        return result if result.span else replace(result, span=node.span)
 
     def _predicate(self, node: Node, number: int, scope: Mapping[str, str]) -> Truth:
         if self.graph.ops[number].name == "constant":
@@ -516,11 +574,74 @@ class _Resolver:
                     point, centre = self.distances[values[near]]
                     radius = self.graph.constant(values[far])
                     if radius > 0:
-                        self._remember(point, "ball", near == small, centre=centre, radius=radius)
+                        self._remember(links[-1], point, "ball", near == small, centre=centre, radius=radius)
         return links[0] if len(links) == 1 else self._operation("minimum", *links)
 
     def _operation(self, name: str, *parts: Truth, data: tuple[object, ...] = ()) -> Truth:
         return Truth(self.graph.add(name, *(part.node for part in parts), data=data), name, parts, data)
+
+    def _lag(self, component: int) -> int:
+        return component if self.graph.ops[component].name == "constant" else self.graph.add("lag", component)
+
+    # The past. Trajectories of different length are aligned at their ends: what stands before a trajectory is made
+    # neutral by BEGUN, which says where it begins.
+
+    def _present(self, p: Truth, holds: bool) -> int:
+        """p from the first sample on, and before it true or false."""
+        begun = self.graph.add("signal", data=BEGUN)
+        if holds:
+            return self.graph.add("maximum", p.node, self.graph.add("negative", begun))
+        return self.graph.add("minimum", p.node, begun)
+
+    def _previous(self, p: Truth, steps: int, strong: bool) -> Truth:
+        if steps == 0:
+            return p
+        data = (steps, strong)
+        return Truth(self.graph.add("previous", self._present(p, not strong), data=data), "previous", (p,), data)
+
+    def _looking_back(self, name: str, p: Truth, window: tuple[int, int] | None) -> Truth:
+        """once or historically; once[a,inf] p = previous[!]^a once p, and historically[a,inf] alike."""
+        is_once = name == "once"
+        within = None if window is None or window[1] == FOREVER else window
+        node = self.graph.add(name, self._present(p, not is_once), data=(within,))
+        whole = Truth(node, name, (p,), (within,))
+        return whole if window is None or within is not None else self._previous(whole, window[0], is_once)
+
+    def _since(self, p: Truth, q: Truth, window: tuple[int, int] | None) -> Truth:
+        """p since q, with a window split off as for U: what is read does not depend on the witness."""
+        since = Truth(self.graph.add("since", p.node, self._present(q, False)), "since", (p, q))
+        if window is None:
+            return since
+        low, high = window
+        parts = [] if high == FOREVER else [self._looking_back("once", q, window)]
+        if low > 0:
+            parts.append(self._looking_back("historically", p, (0, low - 1)))
+        bounded = self._operation("minimum", *parts, self._previous(since, low, True))
+        if high < FOREVER:
+            self.graph.split_past[bounded.node] = p.node, q.node, high
+        return bounded
+
+    # The end of the trajectory
+
+    def _cut(self, window: tuple[int, int] | None) -> Truth:
+        """Whether the end of the trajectory cuts the window: true or false."""
+        assert window is not None
+        data = (window[1],)
+        return Truth(self.graph.add("ends", data=data), "ends", (), data)
+
+    def _marked(self, interval: syntax.Interval | None, mark: str = "") -> bool:
+        """Whether the interval has the one mark that its operator may have."""
+        if interval is None or not interval.mark:
+            return False
+        if interval.mark != mark:
+            bounds = f"{interval.lower}, {interval.upper}"
+            advice = {
+                "?": f"a window that the end cuts counts against it unless you write [{bounds}?]",
+                "!": f"a window that the end cuts counts for it unless you write [{bounds}!]",
+                "": "F and U alone may have '?', G and R '!'",
+            }[mark]
+            raise self.error(interval, f"found the mark '{interval.mark}'; expected none here; delete it: {advice}")
+        return True
 
     def _formula(self, node: Node, scope: Mapping[str, str]) -> Truth:
         def of(child: Node) -> Truth:
@@ -541,23 +662,47 @@ class _Resolver:
             case syntax.Iff(p, q):
                 a, b = of(p), of(q)
                 return op("minimum", op("maximum", op("negative", a), b), op("maximum", op("negative", b), a))
+            case syntax.Xor(p, q):
+                a, b = of(p), of(q)
+                return op("maximum", op("minimum", a, op("negative", b)), op("minimum", b, op("negative", a)))
             case syntax.Next(p, strong):
                 return op("next", of(p), data=(1, strong))
             case syntax.Always(p, interval):
-                return self._reduced("always", of(p), self._window(interval, scope))
+                window = self._window(interval, scope)
+                always = self._reduced("always", of(p), window)
+                if self._marked(interval, "!"):
+                    return op("minimum", always, op("negative", self._cut(window)))
+                return always
             case syntax.Eventually(p, interval):
-                return self._reduced("eventually", of(p), self._window(interval, scope))
+                window = self._window(interval, scope)
+                eventually = self._reduced("eventually", of(p), window)
+                return op("maximum", eventually, self._cut(window)) if self._marked(interval, "?") else eventually
             case syntax.Until(p, q, interval):
-                return self._until(of(p), of(q), self._window(interval, scope))
+                return self._until(of(p), of(q), self._window(interval, scope), self._marked(interval, "?"))
             case syntax.Release(p, q, interval):
                 not_p, not_q = op("negative", of(p)), op("negative", of(q))
-                return op("negative", self._until(not_p, not_q, self._window(interval, scope)))
-            case syntax.WeakUntil(p, q):
-                a, b = of(p), of(q)
-                return op("maximum", self._until(a, b, None), op("always", a, data=(None,)))
-            case syntax.Then(p, q):
-                a, b = of(p), of(q)
-                return op("then", a, b, data=(None, not self.graph.pointwise[a.node]))
+                window = self._window(interval, scope)
+                return op("negative", self._until(not_p, not_q, window, self._marked(interval, "!")))
+            case syntax.WeakUntil(p, q, interval):
+                self._marked(interval)
+                a, b, window = of(p), of(q), self._window(interval, scope)
+                held = None if window is None or window[1] == FOREVER else (0, window[1])
+                return op("maximum", self._until(a, b, window), op("always", a, data=(held,)))
+            case syntax.Then(p, q, interval):
+                self._marked(interval)
+                a, b, window = of(p), of(q), self._window(interval, scope)
+                return op("then", a, b, data=(window, not self.graph.local[a.node]))
+            case syntax.Previous(p):
+                return self._previous(of(p), 1, True)
+            case syntax.Once(p, interval):
+                self._marked(interval)
+                return self._looking_back("once", of(p), self._window(interval, scope))
+            case syntax.Historically(p, interval):
+                self._marked(interval)
+                return self._looking_back("historically", of(p), self._window(interval, scope))
+            case syntax.Since(p, q, interval):
+                self._marked(interval)
+                return self._since(of(p), of(q), self._window(interval, scope))
             case syntax.ForEach(quantifier, variable, labels, body):
                 check_binding(self.source, node.span, variable, labels, self.declared.names)
                 if variable in scope:
@@ -577,7 +722,15 @@ class _Resolver:
             return op(name, p, data=(window,))
         return op("next", op(name, p, data=(None,)), data=(window[0], name == "eventually"))
 
-    def _until(self, p: Truth, q: Truth, window: tuple[int, int] | None) -> Truth:
+    def _until(self, p: Truth, q: Truth, window: tuple[int, int] | None, is_weak: bool = False) -> Truth:
+        """U; a weak one holds, too, where p does up to the end, and the end cuts the window."""
+        until = self._strong_until(p, q, window)
+        if not is_weak:
+            return until
+        held = self._operation("always", p, data=(None,))
+        return self._operation("maximum", until, self._operation("minimum", self._cut(window), held))
+
+    def _strong_until(self, p: Truth, q: Truth, window: tuple[int, int] | None) -> Truth:
         """U, with a window split off where p holds no temporal operator.
 
         p U[a,b] q = F[a,b] q & G[0,a-1] p & X[!]^a (p U q), in value too: a witness of the last part beyond
@@ -585,7 +738,7 @@ class _Resolver:
         an end the first part is not needed.
         """
         op = self._operation
-        truncated = not self.graph.pointwise[p.node]
+        truncated = not self.graph.local[p.node]
         if window is None or truncated:
             return op("until", p, q, data=(window, truncated))
         until = op("until", p, q, data=(None, False))
@@ -658,6 +811,21 @@ class _Resolver:
                 f"samples; write {below} or {above}",
             )
         return whole
+
+
+def _asked(formula: Truth) -> set[tuple[int, bool]]:
+    """The node of every predicate, and whether the formula asks for it; for its opposite, or both, where it stands so.
+
+    It does under an even number of negations, since every other operation rises with its parts.
+    """
+    found: set[tuple[Truth, bool]] = set()
+    stack = [(formula, True)]
+    while stack:
+        part, wanted = stack.pop()
+        if (part, wanted) not in found:
+            found.add((part, wanted))
+            stack += [(below, wanted != (part.operation == "negative")) for below in part.parts]
+    return {(part.node, wanted) for part, wanted in found if part.predicate is not None}
 
 
 def _with_labels(node: Node, scope: Mapping[str | None, str | None] | Mapping[str, str]) -> str:

@@ -36,6 +36,13 @@ class Duration(Node):
 
 
 @dataclass(frozen=True, slots=True)
+class Boolean(Node):
+    """`true`, `false`."""
+
+    value: bool
+
+
+@dataclass(frozen=True, slots=True)
 class Vector(Node):
     """`(a, b, ...)`, at least two scalars."""
 
@@ -135,6 +142,14 @@ class Iff(Node):
 
 
 @dataclass(frozen=True, slots=True)
+class Xor(Node):
+    """`p xor q`: not both and not neither."""
+
+    left: Node
+    right: Node
+
+
+@dataclass(frozen=True, slots=True)
 class Next(Node):
     """`X p`, or `X[!] p` when strong."""
 
@@ -149,10 +164,11 @@ class Infinity(Node):
 
 @dataclass(frozen=True, slots=True)
 class Interval(Node):
-    """`[a, b]` in steps or seconds."""
+    """`[a, b]` in steps or seconds; `[a, b?]` and `[a, b!]` say what a window is worth that the end cuts."""
 
     lower: Node
     upper: Node
+    mark: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,18 +207,52 @@ class Release(Node):
 
 @dataclass(frozen=True, slots=True)
 class WeakUntil(Node):
-    """`p W q`: `(p U q) | G p`."""
+    """`p W q`: `(p U q) | G p`; `p W[a,b] q`: `(p U[a,b] q) | G[0,b] p`."""
 
     left: Node
     right: Node
+    interval: Interval | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Then(Node):
-    """`p T q`: first p, later q."""
+    """`p T q`: first p, later q; `p T[a,b] q`."""
 
     left: Node
     right: Node
+    interval: Interval | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Previous(Node):
+    """`previous[!] p`, the strong one; the weak one, `previous p`, is the call `previous(p)`."""
+
+    operand: Node
+
+
+@dataclass(frozen=True, slots=True)
+class Once(Node):
+    """`once p`, `once[a,b] p`."""
+
+    operand: Node
+    interval: Interval | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Historically(Node):
+    """`historically p`, `historically[a,b] p`."""
+
+    operand: Node
+    interval: Interval | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Since(Node):
+    """`p since q`, `p since[a,b] q`."""
+
+    left: Node
+    right: Node
+    interval: Interval | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,10 +267,11 @@ class ForEach(Node):
 
 @dataclass(frozen=True, slots=True)
 class Signal(Node):
-    """`signal ee[2]`; a scalar has dimension None."""
+    """`signal ee[2]`; a scalar has dimension None. `signal pressed: bool` is true or false."""
 
     name: str
     dimension: int | None
+    is_boolean: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -270,13 +321,19 @@ def children(node: Node) -> tuple[Node, ...]:
     match node:
         case Vector(items) | And(items) | Or(items) | Call(_, items) | Comparison(items, _):
             return items
-        case Index(a, _) | Component(a, _) | Negative(a) | Not(a) | Next(a, _) | ForEach(_, _, _, a):
+        case Index(a, _) | Component(a, _) | Negative(a) | Not(a) | Next(a, _) | Previous(a) | ForEach(_, _, _, a):
             return (a,)
-        case Always(a, interval) | Eventually(a, interval):
+        case Always(a, interval) | Eventually(a, interval) | Once(a, interval) | Historically(a, interval):
             return (a, *(() if interval is None else (interval,)))
-        case Until(a, b, interval) | Release(a, b, interval):
+        case (
+            Until(a, b, interval)
+            | Release(a, b, interval)
+            | WeakUntil(a, b, interval)
+            | Then(a, b, interval)
+            | Since(a, b, interval)
+        ):
             return (a, b, *(() if interval is None else (interval,)))
-        case Arithmetic(_, a, b) | Implies(a, b) | Iff(a, b) | WeakUntil(a, b) | Then(a, b) | Interval(a, b):
+        case Arithmetic(_, a, b) | Implies(a, b) | Iff(a, b) | Xor(a, b) | Interval(a, b, _):
             return (a, b)
         case _:
             return ()
@@ -304,7 +361,7 @@ def size(tree: Node) -> int:
 
 
 # Binding strength, loosest first; an operand that binds looser than its place needs parentheses.
-_FOR_EACH, _IFF, _IMPLIES, _OR, _AND, _UNTIL, _UNARY, _COMPARE, _SUM, _PRODUCT, _SIGN, _POWER, _ATOM = range(13)
+_FOR_EACH, _IFF, _IMPLIES, _XOR, _OR, _AND, _UNTIL, _UNARY, _COMPARE, _SUM, _PRODUCT, _SIGN, _POWER, _ATOM = range(14)
 
 
 def number_text(value: float) -> str:
@@ -371,22 +428,34 @@ def _write(node: Node) -> tuple[str, int]:
             return f"F{interval or ''} {_at(a, _UNARY)}", _UNARY
         case Infinity():
             return "inf", _ATOM
-        case Interval(a, b):
-            return f"[{a}, {b}]", _ATOM
+        case Previous(a):
+            return f"previous[!] {_at(a, _UNARY)}", _UNARY
+        case Once(a, interval):
+            return f"once{interval or ''} {_at(a, _UNARY)}", _UNARY
+        case Historically(a, interval):
+            return f"historically{interval or ''} {_at(a, _UNARY)}", _UNARY
+        case Boolean(value):
+            return "true" if value else "false", _ATOM
+        case Interval(a, b, mark):
+            return f"[{a}, {b}{mark}]", _ATOM
         case Until(a, b, interval):
             return f"{_at(a, _UNARY)} U{interval or ''} {_right_of(node, b)}", _UNTIL
         case Release(a, b, interval):
             return f"{_at(a, _UNARY)} R{interval or ''} {_right_of(node, b)}", _UNTIL
-        case WeakUntil(a, b):
-            return f"{_at(a, _UNARY)} W {_right_of(node, b)}", _UNTIL
-        case Then(a, b):
-            return f"{_at(a, _UNARY)} T {_right_of(node, b)}", _UNTIL
+        case WeakUntil(a, b, interval):
+            return f"{_at(a, _UNARY)} W{interval or ''} {_right_of(node, b)}", _UNTIL
+        case Then(a, b, interval):
+            return f"{_at(a, _UNARY)} T{interval or ''} {_right_of(node, b)}", _UNTIL
+        case Since(a, b, interval):
+            return f"{_at(a, _UNARY)} since{interval or ''} {_right_of(node, b)}", _UNTIL
         case And(operands):
             return " & ".join(_at(a, _UNTIL) for a in operands), _AND
         case Or(operands):
             return " | ".join(_at(a, _AND) for a in operands), _OR
         case Implies(a, b):
-            return f"{_at(a, _OR)} => {_at(b, _IMPLIES)}", _IMPLIES
+            return f"{_at(a, _XOR)} => {_at(b, _IMPLIES)}", _IMPLIES
+        case Xor(a, b):
+            return f"{_at(a, _XOR)} xor {_at(b, _OR)}", _XOR
         case Iff(a, b):
             return f"{_at(a, _IMPLIES)} <=> {_at(b, _IFF)}", _IFF
         case ForEach(quantifier, variable, labels, body):
@@ -395,8 +464,8 @@ def _write(node: Node) -> tuple[str, int]:
             return f"{number_text(seconds)} s", _ATOM
         case Period(seconds):
             return f"period {number_text(seconds)} s", _ATOM
-        case Signal(name, dimension):
-            return f"signal {name}" + ("" if dimension is None else f"[{dimension}]"), _ATOM
+        case Signal(name, dimension, is_boolean):
+            return f"signal {name}" + ("" if dimension is None else f"[{dimension}]") + ": bool" * is_boolean, _ATOM
         case Constant(name, label, value, is_duration):
             written = value_text(value) + " s" * is_duration
             return f"const {name}" + (f"[{label}]" if label else "") + f" = {written}", _ATOM

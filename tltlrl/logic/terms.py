@@ -44,57 +44,61 @@ class Terms:
 
     source: Graph
     graph: Graph = field(default_factory=Graph)
-    _made: dict[tuple[int, bool], int] = field(default_factory=dict)
+    _made: dict[tuple[int, bool, bool], int] = field(default_factory=dict)
     _negated: dict[int, int] = field(default_factory=dict)
     _horizons: dict[int, int | None] = field(default_factory=dict)
     _bracketed: dict[int, int] = field(default_factory=dict)
 
-    def of(self, node: int, positive: bool = True) -> int:
-        """The term of a node of the spec's graph, or of its negation.
+    def of(self, node: int, positive: bool = True, crisp: bool = False) -> int:
+        """The term of a node of the spec's graph, or of its negation; `crisp`: of `holds` of it, moved to its literals.
 
         Raises:
           UnsupportedError: if there is none.
         """
-        key = node, positive
+        key = node, positive, crisp
         if key not in self._made:
-            self._made[key] = self._term(self.source.ops[node], node, positive)
+            self._made[key] = self._term(self.source.ops[node], node, positive, crisp)
         return self._made[key]
 
-    def _term(self, op: Op, node: int, positive: bool) -> int:
+    def _term(self, op: Op, node: int, positive: bool, crisp: bool) -> int:
         add = self.graph.add
         if op.name == "negative":
-            return self.of(op.args[0], not positive)
-        if self.source.pointwise[node]:
-            return add("literal", data=(node, positive))
+            return self.of(op.args[0], not positive, crisp)
+        if self.source.local[node]:
+            return add("literal", data=(self.source.add("holds", node) if crisp else node, positive))
         match op.name, op.data:
+            case "holds", _:
+                return self.of(op.args[0], positive, True)
+            case "ends", (int(steps),):
+                return self.later(self.clock(0, FOREVER, not positive), steps, not positive)
             case ((("minimum" | "maximum" | "always" | "eventually") as name), data):
-                parts = [self.of(arg, positive) for arg in op.args]
+                parts = [self.of(arg, positive, crisp) for arg in op.args]
                 return add(name if positive else _DUAL[name], *parts, data=data)
             case "next", (int(steps), bool(strong)):
-                return self.later(self.of(op.args[0], positive), steps, strong == positive)
+                return self.later(self.of(op.args[0], positive, crisp), steps, strong == positive)
             case ((("until" | "then") as name), (window, _)):
                 p, q = op.args
-                return self._until(name, p, self.of(q), self.of(q, False), window, positive)
+                return self._until(name, p, q, window, positive, crisp)
         raise UnsupportedError(op.name)
 
     def later(self, term: int, steps: int, strong: bool) -> int:
         """X^steps of a term."""
         return self.graph.add("next", term, data=(steps, strong)) if steps else term
 
-    def _until(self, name: str, p: int, q: int, not_q: int, window: object, positive: bool) -> int:
+    def _until(self, name: str, p: int, q: int, window: object, positive: bool, crisp: bool) -> int:
         """p U q or p T q, or its negation."""
         add = self.graph.add
-        if window is None and self.source.pointwise[p]:
+        if window is None and self.source.local[p]:
+            first, second = self.of(p, positive, crisp), self.of(q, positive, crisp)
             if name == "until":
-                return add("until", self.of(p), q) if positive else add("release", self.of(p, False), not_q)
+                return add("until" if positive else "release", first, second)
             # The largest p before t' is reached at some t'' < t'.
-            part, later, both, some = self.of(p, positive), q if positive else not_q, "minimum", "eventually"
-            if not positive:
-                both, some = "maximum", "always"
-            return add(some, add(both, part, self.later(add(some, later, data=(None,)), 1, positive)), data=(None,))
+            both, some = ("minimum", "eventually") if positive else ("maximum", "always")
+            later = self.later(add(some, second, data=(None,)), 1, positive)
+            return add(some, add(both, first, later), data=(None,))
         low, high = window if isinstance(window, tuple) else (0, FOREVER)
-        held = add("always" if name == "until" else "eventually", self.of(p), data=(None,))
-        chop = self.chop(frozenset({(name == "then", held)}), q, low, high)
+        held = add("always" if name == "until" else "eventually", self.of(p, True, crisp), data=(None,))
+        chop = self.chop(frozenset({(name == "then", held)}), self.of(q, True, crisp), low, high)
         return chop if positive else self.negation(chop)
 
     def chop(self, left: Obligations, right: int, low: int, high: int) -> int:
@@ -105,40 +109,53 @@ class Terms:
         """The clock of the steps low .. high."""
         return self.graph.add("clock", data=(low, high, inside))
 
-    def from_start(self, node: int, positive: bool = True, at: int = 0) -> int:
+    def from_start(self, node: int, positive: bool = True, at: int = 0, crisp: bool = False) -> int:
         """The term of a node that is read at step `at` of the trajectory and at no other; it is read at step 0."""
         op, add = self.source.ops[node], self.graph.add
         from_here = (at, FOREVER)
         if op.name == "negative":
-            return self.from_start(op.args[0], not positive, at)
-        if self.source.pointwise[node]:
-            return self._within("always", self.of(node, positive), (at, at)) if at else self.of(node, positive)
+            return self.from_start(op.args[0], not positive, at, crisp)
+        if self.source.local[node]:
+            return (
+                self._within("always", self.of(node, positive, crisp), (at, at))
+                if at
+                else self.of(node, positive, crisp)
+            )
         match op.name, op.data:
+            case "holds", _:
+                return self.from_start(op.args[0], positive, at, True)
+            case "ends", (int(steps),):
+                step = self.clock(at + steps, at + steps, not positive)
+                return add("always" if positive else "eventually", step, data=(None,))
             case ((("minimum" | "maximum") as name), _):
-                parts = [self.from_start(arg, positive, at) for arg in op.args]
+                parts = [self.from_start(arg, positive, at, crisp) for arg in op.args]
                 return add(name if positive else _DUAL[name], *parts)
             case ((("always" | "eventually") as name), (window,)):
                 low, high = window if isinstance(window, tuple) else (0, FOREVER)
                 own = name if positive else _DUAL[name]
                 reach = (at + low, at + high if high < FOREVER else FOREVER)
-                return self._within(own, self.of(op.args[0], positive), reach)
+                return self._within(own, self.of(op.args[0], positive, crisp), reach)
             case "next", (int(steps), bool(strong)):
-                there = self.from_start(op.args[0], positive, at + steps)
+                there = self.from_start(op.args[0], positive, at + steps, crisp)
                 if strong == positive:  # the step exists, and ...
                     return add("minimum", add("eventually", self.clock(at + steps, at + steps), data=(None,)), there)
                 never = add("always", self.clock(at + steps, at + steps, False), data=(None,))
                 return add("maximum", never, there)
             case ((("until" | "then") as name), (window, truncated)) if at or window is not None:
                 if window is None and name == "until" and not truncated:
-                    p, q = (self.of(arg, positive) for arg in op.args)
+                    p, q = (self.of(arg, positive, crisp) for arg in op.args)
                     kinds = ("until", True, False) if positive else ("release", False, True)
                     return add(kinds[0], self._if(from_here, p, kinds[1]), self._if(from_here, q, kinds[2]))
                 low, high = window if isinstance(window, tuple) else (0, FOREVER)
-                held = self._within("always" if name == "until" else "eventually", self.of(op.args[0]), from_here)
-                witness = self._if((at + low, at + high if high < FOREVER else FOREVER), self.of(op.args[1]), False)
+                held = self._within(
+                    "always" if name == "until" else "eventually", self.of(op.args[0], True, crisp), from_here
+                )
+                witness = self._if(
+                    (at + low, at + high if high < FOREVER else FOREVER), self.of(op.args[1], True, crisp), False
+                )
                 chop = self.chop(frozenset({(name == "then", held)}), witness, 0, FOREVER)
                 return chop if positive else self.negation(chop)
-        return self.of(node, positive)
+        return self.of(node, positive, crisp)
 
     def _if(self, steps: tuple[int, int], term: int, otherwise: bool) -> int:
         """The term at these steps, at all others +inf if `otherwise`, else -inf."""

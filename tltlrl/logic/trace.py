@@ -189,6 +189,9 @@ def _count(cells: int) -> str:
 
 
 def _number(place: str, name: str, cell: str) -> float:
+    truth = {"true": 1.0, "false": 0.0}.get(cell.strip().lower())
+    if truth is not None:
+        return truth
     try:
         number = math.nan if "_" in cell else float(cell)  # Python reads 1_000 as 1000
     except ValueError:

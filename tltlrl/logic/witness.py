@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tltlrl.logic.explain import Explanation, explain
-from tltlrl.logic.graph import Array
+from tltlrl.logic.graph import BEGUN, Array, Op
 from tltlrl.logic.monitor import Monitor, Reading
 from tltlrl.logic.pursuit import Late, Quick
 from tltlrl.logic.resolve import Meaning, Truth
@@ -37,6 +37,10 @@ class Witnessed:
         self._of_value: dict[float, Origin] = {}  # what slow clauses keep
         self._truths = _truths(meaning.formula)
         self._value = np.nan  # the robustness now
+        # What looks back, or is true or false, is explained by the whole past.
+        ops = meaning.graph.ops
+        self._needs_past = meaning.looks_back or any(map(_is_crisp, ops)) or monitor.reads_whole
+        self._past: list[Mapping[tuple[str, int | None], Array]] = []
 
     @property
     def steps(self) -> int:
@@ -57,6 +61,8 @@ class Witnessed:
             for name, d in self._meaning.signals.items()
             for i in range(d or 1)
         }
+        if self._needs_past:
+            self._past.append(sample | {BEGUN: np.array([[np.inf]])})
         now = {row: Origin(literal, self.steps - 1, sample) for row, literal in self._monitor.atom_rows().items()}
         for pursuit in self._monitor.pursuits:
             if isinstance(pursuit, Quick):
@@ -90,6 +96,9 @@ class Witnessed:
     def explanation(self) -> Explanation:
         """What decides the robustness after the last sample."""
         value = self._value
+        if self._needs_past:
+            whole = {key: np.concatenate([one[key] for one in self._past], axis=1) for key in self._past[0]}
+            return explain(replace(self._meaning, definitions={}), self._source, whole)
         origin = None if np.isinf(value) else self._origin(value)
         if origin is None:
             return Explanation(value, None, None, self._source, None, None, self.steps - 1, None, False, {})
@@ -107,6 +116,11 @@ class Witnessed:
                 if max((pursuit.alpha[state, 0] for state in ending), default=-np.inf) == value:
                     return next(self._of_state[state] for state in ending if pursuit.alpha[state, 0] == value)
         return self._of_value[value]
+
+
+def _is_crisp(op: Op) -> bool:
+    """Whether it is true or false, +inf or -inf, of itself and not because a trajectory ends."""
+    return op.name == "holds" or (op.name == "constant" and op.data in {(np.inf,), (-np.inf,)})
 
 
 def _truths(formula: Truth) -> dict[int, Truth]:

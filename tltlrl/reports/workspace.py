@@ -58,7 +58,7 @@ def draw_workspace(run: Run, policy: Policy, path: Path, count: int = 20) -> Non
         axes.set_ylabel("y (m)")
         axes.set_title(f"{task.name}: {LABELS.get(run.case.name, run.case.name)}, seed {run.seed}")
         figure.supxlabel(
-            f"Robustness of the mean motion {robustness:+.3f} m. Black: mean path of the end-effector (dot: start,\n"
+            f"Robustness of the mean motion {robustness:+.3f}. Black: mean path of the end-effector (dot: start,\n"
             f"square: end); grey: {count} paths sampled from the learned policy "
             f"(seed [{run.seed}, {run.algorithm.iterations}]).\n"
             f"Blue: {POSES} poses of the arm, later ones darker. Plain: to be in; hatched: to be kept out of.",

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tltlrl.store.files import digest, read_arrays, write_arrays, write_json
-from tltlrl.store.layout import CHECKPOINT, DONE, POLICY, PROGRESS, TIMING
+from tltlrl.store.layout import CHECKPOINT, DONE, POLICY, PROGRESS, TIMING, run_of
 
 SEAL, RUN = "sha256", "run"  # keys of done.json
 STATE = "state."  # before the names of the learner's arrays in checkpoint.npz
@@ -153,3 +155,35 @@ def first_rows(path: Path, count: int) -> bytes:
     if len(lines) <= count:
         raise ValueError(f"{path.name} has fewer rows")
     return b"".join(lines[: count + 1])
+
+
+def going_on(folder: Path) -> list[Path]:
+    """The folders of all runs of an experiment that have begun, if one of them has not ended; else none."""
+    begun = sorted((path.parent for path in folder.glob(f"*/seed_*/{PROGRESS}")), key=run_of)
+    return begun if any(not (run / DONE).exists() for run in begun) else []
+
+
+def robustness_so_far(folder: Path) -> float | None:
+    """Of the mean policy, in the last row that the run has written; None if it has written none."""
+    try:
+        rows = list(csv.DictReader(io.StringIO(whole_lines(folder / PROGRESS))))
+        return float(rows[-1]["robustness_policy"])
+    except (OSError, ValueError, KeyError, IndexError):
+        return None
+
+
+def whole_lines(path: Path) -> str:
+    """A CSV file that may just be written to, without the line that is not whole yet."""
+    text, end, _ = path.read_text(encoding="utf-8").rpartition("\n")
+    return text + end
+
+
+def joined(tables: Sequence[str]) -> str:
+    """CSV texts as one: a column that some do not have, as another learner's diagnostics, is empty in their rows."""
+    rows = [row for table in tables for row in csv.DictReader(io.StringIO(table))]
+    columns = dict.fromkeys(name for table in tables for name in table.split("\n", 1)[0].split(","))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()

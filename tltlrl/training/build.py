@@ -195,19 +195,24 @@ def check(study: Study) -> None:
     task = make_task(study.task)
     for run in first.values():
         for stage in filter(None, (run.stage(0), run.refine)):
-            make_learner(run, stage)
-            first_policy(task, stage.algorithm)
+            make_learner(run, stage).start(first_policy(task, stage.algorithm))
         make_reward(run)
     _check_signals(study.spec, task)
-    task.make_physics()
+    Simulator(task)
+
+
+def cut_windows(study: Study) -> str | None:
+    """Says that the spec looks beyond the end of an episode, if it does; what every window allows is checked above."""
+    last, horizon = make_task(study.task).steps - 1, study.spec.horizon
+    if horizon is None or horizon <= last:
+        return None
+    return f"the spec looks as far as step {horizon}, and an episode ends at step {last}: its windows are cut there"
 
 
 def _check_signals(spec: Spec, task: Task) -> None:
     features, commands = task.reference()
-    offered = {
-        name: None if values.ndim == 2 else values.shape[2]
-        for name, values in task.signals(features[None], commands[None]).items()
-    }
+    signals = task.signals(features[None], commands[None])
+    offered = {name: None if values.ndim == 2 else values.shape[2] for name, values in signals.items()}
     for name, dimension in spec.signals.items():
         if name not in offered:
             raise UserError(f"spec: it needs a signal {name}, which {task.name} has not{nearest(name, offered)}")
@@ -215,6 +220,7 @@ def _check_signals(spec: Spec, task: Task) -> None:
             raise UserError(
                 f"spec: it reads {name} as {_kind(dimension)}, but in {task.name} it is {_kind(offered[name])}"
             )
+    spec.check_length(signals)
 
 
 def _kind(dimension: int | None) -> str:

@@ -104,12 +104,12 @@ def _train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
         "algorithm": run.case.learner,
         "seed": run.seed,
     }
-    columns = (folder / PROGRESS).read_text().split("\n", 1)[0].split(",") if first else None
+    columns = (folder / PROGRESS).read_text(encoding="utf-8").split("\n", 1)[0].split(",") if first else None
     last_checkpoint = time.monotonic()
     with (
         naming(folder / PROGRESS),
-        open(folder / PROGRESS, "a", newline="") as progress,
-        open(folder / TIMING, "a", newline="") as timing,
+        open(folder / PROGRESS, "a", newline="", encoding="utf-8") as progress,
+        open(folder / TIMING, "a", newline="", encoding="utf-8") as timing,
     ):
         for i in range(first, run.algorithm.iterations):
             clock = time.perf_counter()
