@@ -90,7 +90,7 @@ def test_a_line_that_is_no_sample_is_told_once_and_left_out(spec, capsys):
         ('{"x": 1', "the line is no JSON"),
         ("[1]", "the line holds no JSON object"),
         ('{"ee": [1]}', "ee has 1 numbers; expected 2"),
-        ('{"ee": [1, true]}', "ee[1] is 'True'; expected a finite number"),
+        ('{"ee": [1, null]}', "ee[1] is 'None'; expected a finite number"),
         ('{"ea": [1, 2]}', "there is no ee; there are: ea"),
         ('{"ee": [1, 1e999]}', "ee[1] is 'inf'"),
     ],
@@ -123,6 +123,13 @@ def test_bounds_in_seconds_need_a_period(spec):
     assert [line.split()[6] for line in out.getvalue().splitlines()[:3]] == ["open", "open", "decided"]
     with pytest.raises(UserError, match="--period -1: expected a positive number"):
         watch(path, io.StringIO("x\n1\n"), period=-1.0)
+
+
+def test_true_and_false_are_read(spec, capsys):
+    path = spec("signal on: bool\nspec: F on")
+    for text in ("on\nfalse\nTrue\n", '{"on": false}\n{"on": true}\n'):
+        assert watch(path, io.StringIO(text)) == 0
+    assert "satisfied, robustness +inf: decided at step 1 by on" in capsys.readouterr().out
 
 
 def test_who_read_the_output_may_go_away(spec, monkeypatch):

@@ -1,15 +1,15 @@
 """`tltl watch SPEC`: robustness of a trajectory while it runs, from samples on standard input, line by line."""
 
 import sys
-from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
+from argparse import ArgumentParser, Namespace
 from collections.abc import Iterable, Mapping
 from io import TextIOWrapper
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TextIO
 
-from tltlrl.cli.check import constants_from
+from tltlrl.cli.check import constants_from, read_spec
 from tltlrl.errors import UserError
-from tltlrl.logic import Explanation, TraceError, load_spec
+from tltlrl.logic import Explanation, TraceError
 from tltlrl.logic.monitor import Reading
 from tltlrl.logic.stream import samples
 
@@ -26,12 +26,10 @@ exit codes:
 """
 
 
-def add_parser(subparsers: Any, about: str) -> None:
-    """Add the sub-command `watch` to a parser's sub-commands; `command(arguments)` of its result does the work."""
-    parser: ArgumentParser = subparsers.add_parser(
-        "watch", help=about, description=__doc__, epilog=NOTES, formatter_class=RawDescriptionHelpFormatter
-    )
-    parser.add_argument("spec", metavar="SPEC", help="a .tltl file")
+def add_arguments(parser: ArgumentParser) -> None:
+    """Adds the arguments of `tltl watch`."""
+    parser.epilog = NOTES
+    parser.add_argument("spec", metavar="SPEC", help="a .tltl file: a path of your own, or one that comes with tltlrl")
     parser.add_argument(
         "--set",
         metavar="NAME=VALUE",
@@ -40,11 +38,10 @@ def add_parser(subparsers: Any, about: str) -> None:
         help="override a constant: goal_radius=0.3, goal=[1,2], goal.r=[1,2]; may be repeated",
     )
     parser.add_argument("--period", metavar="SECONDS", type=float, help="between two samples, for bounds in seconds")
-    parser.set_defaults(command=run)
 
 
 def run(arguments: Namespace) -> int:
-    """The sub-command; returns its exit code.
+    """The command; returns its exit code.
 
     Raises:
       UserError: for exit code 2.
@@ -55,7 +52,7 @@ def run(arguments: Namespace) -> int:
 
 
 def watch(
-    spec_path: str | Path,
+    path: str | Path,
     lines: Iterable[str],
     constants: Mapping[str, object] | None = None,
     period: float | None = None,
@@ -64,7 +61,7 @@ def watch(
     """Answers each sample in some lines with a line.
 
     Args:
-      spec_path: of a .tltl file.
+      path: of a .tltl file.
       lines: of CSV or JSON.
       constants: in place of the spec's own.
       period: between two samples, s.
@@ -79,12 +76,9 @@ def watch(
     out = out or sys.stdout
     if period is not None and not 0 < period < float("inf"):
         raise UserError(f"--period {period:g}: expected a positive number of seconds")
-    try:
-        spec = load_spec(spec_path, constants, period)
-    except OSError as error:
-        raise UserError(
-            f"{spec_path}: the spec cannot be read: {error.strerror}; give the path of a .tltl file"
-        ) from None
+    spec = read_spec(str(path), constants)
+    if period is not None:
+        spec = spec.sampled(period)
     witness, why = spec.watch(), None
     try:
         for sample in samples(lines, spec.signals, "<stdin>"):

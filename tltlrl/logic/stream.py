@@ -100,6 +100,9 @@ def _field(place: str, fields: Mapping[str, object], signal: str, names: tuple[s
 
 
 def _number(place: str, name: str, given: object) -> float:
+    truth = {"true": 1.0, "false": 0.0}.get(str(given).strip().lower())
+    if truth is not None:
+        return truth
     if not _is_number(given):
         raise UserError(f"{place}: {name} is '{printable(given)}'; expected a finite number")
     assert isinstance(given, str | int | float)
