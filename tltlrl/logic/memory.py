@@ -40,7 +40,7 @@ class Memory:
         Raises:
           NotFiniteError: where arithmetic has no finite value.
         """
-        values = {node: np.broadcast_to(value.reshape(-1), self._count) for node, value in present.items()}
+        values = {node: value[:, 0] if value.ndim else np.full(self._count, value) for node, value in present.items()}
         for node in self._nodes:
             op = self._graph.ops[node]
             args = [values[arg] for arg in op.args]
