@@ -269,7 +269,7 @@ def test_the_second_stage_explores_about_the_motion_that_the_first_one_learned(c
     setup, policy, _, _ = by_hand(cases["tltl_episodic"])
     policy = replace(policy, mean=policy.mean + np.random.default_rng(0).normal(0, 1.5, policy.mean.shape))
     again = AlgorithmConfig(feedback=-20.0, initial_std=0.1, correlation=3.0)
-    refined = refined_policy(setup, policy, again)
+    refined = refined_policy(setup.task, setup.simulator, policy, again)
     before, after = (mean_motion(setup.simulator, p) for p in (policy, refined))
     np.testing.assert_allclose(after.features, before.features, atol=1e-9)
     assert np.abs(before.commands).max() > 2.0  # the first one asked for more than the actuators can do
@@ -390,3 +390,29 @@ def test_with_normalised_predicates_the_unit_of_one_leaves_the_learned_policy_th
         means.append(learned_policy(tmp_path / str(c)).mean)
         assert json.loads((tmp_path / str(c) / "done.json").read_text())["robustness_policy"] < 0  # in its own units
     np.testing.assert_allclose(means[1], means[0], atol=1e-6)
+
+
+def test_learning_starts_from_a_policy_that_was_learned(cases, tmp_path):
+    """About its mean motion, wherever its file lies; what it says counts."""
+    run = cases["tltl_episodic"]
+    train(run, tmp_path / "first", lambda _: None)
+    train(run, tmp_path / "moved", lambda _: None)
+    onward = runs(f"++algorithm.policy={tmp_path}/first", "algorithm.iterations=1", "cases=[tltl_episodic]")
+    (again,) = onward.values()
+    task = set_up(again).task
+    started = first_policy(task, again.algorithm)
+    motion = mean_motion(set_up(run).simulator, learned_policy(tmp_path / "first"))
+    np.testing.assert_allclose(mean_motion(set_up(run).simulator, started).features, motion.features, atol=1e-9)
+    np.testing.assert_array_equal(started.covariance, first_policy(task, run.algorithm).covariance)
+    elsewhere = replace(again, algorithm=replace(again.algorithm, policy=f"{tmp_path}/moved/policy.npz"))
+    assert (
+        again.identity()
+        == elsewhere.identity()
+        != replace(again, algorithm=replace(again.algorithm, policy="")).identity()
+    )
+    of_another_task = "is a policy of 8 features, 3 commands and 30 steps; reach_avoid has"
+    for policy, steps, message in (
+        ("nix", 30, "cannot be read"), ("first/done.json", 30, "is no policy.npz"), ("first", 31, of_another_task),
+    ):  # fmt: skip
+        with pytest.raises(UserError, match=f"^algorithm.policy: .*{message}"):
+            runs(f"++algorithm.policy={tmp_path}/{policy}", f"task.steps={steps}")

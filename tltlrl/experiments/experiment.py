@@ -18,15 +18,15 @@ from tltlrl.config.read import read, seeds_of
 from tltlrl.errors import UserError
 from tltlrl.experiments.engine import check_scheduler, run_all
 from tltlrl.experiments.folder import empty, is_record, read_record, working_in
-from tltlrl.experiments.manifest import end_session, manifest, read_manifest, spec_name, start_session
+from tltlrl.experiments.manifest import end_session, manifest, read_manifest, spec_name, start_session, with_start_of
 from tltlrl.experiments.progress import Progress
 from tltlrl.learning.policy import Policy
 from tltlrl.reports.plotting import FORMATS
 from tltlrl.reports.report import write_report
 from tltlrl.reports.workspace import draw_workspace
 from tltlrl.store import layout
-from tltlrl.store.files import clear_leftovers, digest, write_json, write_text
-from tltlrl.store.layout import CALM, CALM_WORKSPACE, CONFIG, DONE, LOG, MANIFEST, POLICY, SPECS, WORKSPACE
+from tltlrl.store.files import clear_leftovers, digest, write_bytes, write_json, write_text
+from tltlrl.store.layout import CALM, CALM_WORKSPACE, CONFIG, DONE, LOG, MANIFEST, POLICY, SPECS, START, WORKSPACE
 from tltlrl.store.run import DamagedError, read_checkpoint, read_results, robustness_so_far, shelve_checkpoint
 from tltlrl.training.build import cut_windows, make_task
 from tltlrl.training.session import learned_policy, shorter_run
@@ -178,6 +178,7 @@ def open_run(folder: Path) -> tuple[Run, Policy]:
     try:
         settings = yaml.safe_load((above / CONFIG).read_text(encoding="utf-8"))
         settings["spec"] = str(_spec_copy(above, settings["spec"]))
+        settings = with_start_of(above, settings)
         policy = learned_policy(folder)
         (folder / DONE).read_text(encoding="utf-8")
     except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError) as error:
@@ -271,6 +272,14 @@ def prepare(folder: Path, study: Study, overwrite: bool) -> tuple[Study, list[st
                     f"was damaged or deleted. Set another name=..., or overwrite=true to delete what is there."
                 )
             notes.append(f"{SPECS}/{spec_copy.name} was missing or damaged and is written again")
+    start, start_copy = study.algorithm.start(), folder / START
+    if start is not None:
+        if start_copy.exists() and start_copy.read_bytes() != start:
+            raise UserError(
+                f"{folder} was made from another policy (kept there as {START}). Set another name=..., or "
+                "overwrite=true to delete what is there."
+            )
+        write_bytes(start_copy, start)
     (folder / SPECS).mkdir(parents=True, exist_ok=True)
     whole = study if before is None or overwrite else with_seeds(study, before["seeds"])
     write_text(spec_copy, study.spec.text)
@@ -309,6 +318,8 @@ def changes(before: Mapping[str, Any], study: Study) -> str:
             for key, value in with_later(before)["algorithm"].items()
             if key in before["algorithm"] or key in study.settings["algorithm"]
         }
+        if had_then["algorithm"].get("policy") and study.algorithm.policy:  # its bytes count, and not where it lies
+            had_then["algorithm"]["policy"] = study.algorithm.policy
     return differences(had_then, study.settings, growing, added)
 
 
@@ -321,7 +332,7 @@ def _settings_before(folder: Path, known: Mapping[str, Any] | None) -> tuple[dic
       UserError: if the folder holds anything else; it is neither written to nor, with overwrite=true, deleted.
     """
     names = {entry.name for entry in folder.iterdir() if not entry.name.startswith(".")}
-    if not names - {SPECS}:
+    if not names - {SPECS, START}:
         return None, False
     if (before := read_record(folder / CONFIG, kept())) is not None:
         return before, False

@@ -10,7 +10,14 @@ from __future__ import annotations
 from pathlib import Path
 
 # Of an experiment.
-CONFIG, MANIFEST, SPECS, LOG, LOCK = "config.yaml", "manifest.json", "specs", "log.txt", ".lock"
+CONFIG, MANIFEST, SPECS, START, LOG, LOCK = (
+    "config.yaml",
+    "manifest.json",
+    "specs",
+    "start.npz",
+    "log.txt",
+    ".lock",
+)
 CURVES, SUMMARY, SUMMARY_PAGE, REPORT, FIGURE = (
     "learning_curves.csv",
     "summary.csv",

@@ -35,7 +35,7 @@ from tltlrl.store.run import (
     write_checkpoint,
     write_results,
 )
-from tltlrl.training.build import Setup, first_policy, make_learner, refined_policy, set_up
+from tltlrl.training.build import Setup, first_policy, make_learner, policy_of, refined_policy, set_up
 from tltlrl.training.calm import Calm, begin, calm_policy, simplified
 from tltlrl.training.loop import iterate
 from tltlrl.training.study import Run
@@ -145,7 +145,9 @@ def _train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
         for i in range(first, run.algorithm.iterations):
             clock = time.perf_counter()
             if run.refine is not None and i == run.refine.first:
-                refined = refined_policy(setup, setup.learner.policy(stands.state), run.refine.algorithm)
+                refined = refined_policy(
+                    setup.task, setup.simulator, setup.learner.policy(stands.state), run.refine.algorithm
+                )
                 setup = dataclasses.replace(setup, learner=make_learner(run, run.refine))
                 stands = dataclasses.replace(stands, state=setup.learner.start(refined))
             result = iterate(run, setup, stands.state, i)
@@ -272,12 +274,7 @@ def learned_policy(folder: Path, name: str = POLICY) -> Policy:
     Raises:
       DamagedError: if the file cannot be read, or is not that of a policy.
     """
-    saved = read_policy(folder, name)
     try:
-        gain, mean, covariance = (saved[name].astype(np.float64) for name in ("gain", "mean", "covariance"))
-        (steps, d) = mean.shape
-        if gain.shape[0] != d or gain.ndim != 2 or covariance.shape != (steps, d, d):
-            raise ValueError(f"arrays of the shapes {gain.shape}, {mean.shape} and {covariance.shape} are no policy")
-        return Policy(gain, mean, covariance, float(saved["correlation"]))
+        return policy_of(read_policy(folder, name))
     except (KeyError, ValueError, TypeError) as error:
         raise DamagedError(f"{name} cannot be read ({error})") from error

@@ -14,8 +14,10 @@ from typing import Any
 from tltlrl.errors import UserError
 from tltlrl.learning.scores import TOLD
 from tltlrl.logic import Spec
+from tltlrl.resources import user_path
 from tltlrl.settings import check, check_value, setting, settings_of
 from tltlrl.store.files import digest
+from tltlrl.store.layout import POLICY
 
 TLTL = "tltl"  # the reward that is the spec's own robustness
 MOST_SEEDS = MOST_TRIALS = MOST_SAMPLES = 10_000  # more would not fit into memory, and show only after hours
@@ -26,6 +28,7 @@ LATER = {  # than 0.1, with their defaults
     "normalise": False,
     "keep": "last",
     "refine": {},
+    "policy": "",
     "batches": 1,
     "calm": 0,
     "calm_share": 0.7,
@@ -81,9 +84,29 @@ class AlgorithmConfig:
         "algorithm that is to change",
         {},
     )
+    policy: str = setting(
+        "a policy.npz, or the folder of a run, whose mean motion learning starts from, not the task's reference",
+        "",
+    )
 
     def __post_init__(self) -> None:
         check(self, "algorithm")
+
+    def start(self) -> bytes | None:
+        """The file of the policy to start from, if there is one.
+
+        Raises:
+          UserError: if it cannot be read.
+        """
+        if not self.policy:
+            return None
+        path = user_path(self.policy)
+        try:
+            return (path / POLICY if path.is_dir() else path).read_bytes()
+        except OSError as error:
+            raise UserError(
+                f"algorithm.policy: {path} cannot be read ({error.strerror}); give the policy.npz of a run"
+            ) from error
 
 
 @dataclass(frozen=True)
@@ -158,6 +181,8 @@ class Run:
         the same identity.
         """
         algorithm = dataclasses.asdict(self.algorithm) | dataclasses.asdict(self.learner)
+        if (start := self.algorithm.start()) is not None:
+            algorithm["policy"] = digest(start)  # wherever it lies
         asked = {
             "task": dataclasses.asdict(self.task),
             "reward": dataclasses.asdict(self.reward),
