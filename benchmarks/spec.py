@@ -92,10 +92,26 @@ def windows(text: str, narrow: int, wide: int) -> float:
     return long / short
 
 
+def monitoring(name: str, count: int, steps: int) -> float:
+    """Microseconds per step and trajectory of a monitor of `count` trajectories."""
+    spec, ee = load_spec(SPECS / f"{name}.tltl"), walks(count, steps)
+    monitor = spec.monitor(count)
+
+    def follow() -> None:
+        monitor.restart()
+        for t in range(steps):
+            monitor.update({"ee": ee[:, t]})
+
+    (seconds,) = best(follow)
+    return seconds / count / steps * 1e6
+
+
 def rows() -> list[tuple[str, float, float | None, str]]:
     """Name, measured value, target, and how the two compare (`>=` or `<=`)."""
     unbounded = "G (x < 1 => F (x > 0)) & ((x < 1) U (x > 2)) & ((x > 1) T (x < 0))"
     bounded = "G[0,50] F[0,100] (x > 0) & ((x < 1) U[5,60] (x > 2))"
+    past = "G (x < 1 => once (x > 0)) & ((x < 1) since (x > 2)) & historically rise(x > 1) & x - previous(x) < 1"
+    bounded_past = "historically[0,50] once[0,100] (x > 0) & ((x < 1) since[5,60] (x > 2)) & ((x < 1) T[5,60] (x > 2))"
     found: list[tuple[str, float, float | None, str]] = [
         (
             "reach_avoid (30, 200): sentil / ours",
@@ -110,13 +126,20 @@ def rows() -> list[tuple[str, float, float | None, str]]:
             ">=",
         ),
         (
+            "monitor, visit_in_order, N = 20: us per step and trajectory",
+            monitoring("visit_in_order", 20, 200),
+            5.0,
+            "<=",
+        ),
+        (
             "visit_in_order (1000, 500): sentil / ours",
             against_sentil("visit_in_order", VISIT_IN_ORDER, 1000, 500),
             20.0,
             ">=",
         ),
     ]
-    for kind, text in (("unbounded", unbounded), ("bounded", bounded)):
+    kinds = {"unbounded": unbounded, "bounded": bounded, "past": past, "bounded past and T": bounded_past}
+    for kind, text in kinds.items():
         for steps in (1_000, 10_000, 100_000):
             ratio = growth(text, (10, 100), (10, steps))
             found.append((f"{kind}, N = 10: time per sample, T = {steps} / T = 100", ratio, 2.0, "<="))

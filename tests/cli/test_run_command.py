@@ -76,7 +76,7 @@ def test_the_folder_of_a_finished_experiment(undisturbed):
         assert {p.name for p in (undisturbed / case).iterdir() if p.is_file()} == {"workspace.png", "workspace.pdf"}
         for seed in (0, 1):
             run_folder = undisturbed / case / f"seed_{seed}"
-            files = {"progress.csv", "timing.csv", "policy.npz", "done.json"}
+            files = {"progress.csv", "timing.csv", "policy.npz", "done.json", "last.npz"}
             assert {p.name for p in run_folder.glob("[!.]*")} == files
 
 
@@ -390,8 +390,8 @@ MISTAKES = {
     ("experiment=reach_avoid", "algorithm.covariance=dampd"): (
         "tltl-run: algorithm.covariance: there is no dampd; did you mean damped?"
     ),
-    ("experiment=reach_avoid", "cases=[tltl_step]"): (
-        "tltl-run: cases: no case is named tltl_step; did you mean tltl_episodic?"
+    ("experiment=reach_avoid", "cases=[tltl_stepwise]"): (
+        "tltl-run: cases: no case is named tltl_stepwise; did you mean tltl_step?"
     ),
     ("experiment=reach_avoid", "seeds=[1,1]"): (
         "tltl-run: seeds: [1, 1] must be a number n >= 1 for the seeds 0 .. n-1, or a list of different numbers >= 0"
