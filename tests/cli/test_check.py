@@ -204,6 +204,81 @@ def test_cells_of_true_and_false(cells, tmp_path, capsys):
     assert "pressed, true or false" in out
 
 
+PATROL = "signal ee[2]\nsignal v\nspec: G (ee.x < 1 & ee.y < 2 & v < 3)"
+
+
+@pytest.mark.parametrize(
+    ("text", "arguments"),
+    [
+        ("ee.x;ee.y;v\n0,5;1,5;0\n0,75;0;0\n", []),
+        ("ee.x;ee.y;v\n0.5;1.5;0\n0.75;0;0\n", []),
+        ("ee.x\tee.y\tv\n0.5\t1.5\t0\n0.75\t0\t0\n", []),
+        ("# run 7\nee.x;ee.y;v\n# pause\n0,5;1,5;0\n0,75;0;0\n", []),
+        ("ee_x,ee_y,v\n0.5,1.5,0\n0.75,0,0\n", []),
+        ("ee_0,ee_1,v\n0.5,1.5,0\n0.75,0,0\n", []),
+        ("ee.x,ee_x,ee.y,v\n0.5,9,1.5,0\n0.75,9,0,0\n", []),
+        ("pose.x,pose.y,speed\n0.5,1.5,0\n0.75,0,0\n", ["--signal", "ee=pose.x,pose.y", "--signal", "v=speed"]),
+    ],
+)
+def test_forms_of_a_trace(text, arguments, tmp_path, capsys):
+    (tmp_path / "task.tltl").write_text(PATROL)
+    (tmp_path / "trace.csv").write_text(text)
+    assert tltl(tmp_path / "task.tltl", tmp_path / "trace.csv", *arguments) == 0
+    assert "robustness   +0.25\n" in capsys.readouterr().out
+
+
+EE, V = [[0.5, 1.5], [0.75, 0]], [0, 0]
+
+
+@pytest.mark.parametrize(
+    ("arrays", "arguments"),
+    [
+        ({"ee": EE, "v": V}, []),
+        ({"ee": [EE], "v": [V], "other": "text"}, []),
+        ({"pose": EE, "speed": V}, ["--signal", "ee=pose", "--signal", "v=speed"]),
+        ({"x": [0.5, 0.75], "y": [1.5, 0], "v": V}, ["--signal", "ee=x,y"]),
+    ],
+)
+def test_a_trace_of_arrays(arrays, arguments, tmp_path, capsys):
+    (tmp_path / "task.tltl").write_text(PATROL)
+    np.savez(tmp_path / "trace.npz", **arrays)
+    assert tltl(tmp_path / "task.tltl", tmp_path / "trace.npz", *arguments) == 0
+    assert "robustness   +0.25\n" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arrays", "arguments", "told"),
+    [
+        ({"ee": EE}, [], r"trace.npz: there is no array v; there are: ee"),
+        ({"ee": [EE, EE], "v": V}, [], r"trace.npz: ee has shape \(2, 2, 2\); expected \(T, 2\), one trajectory"),
+        ({"ee": EE, "v": ["a", "b"]}, [], r"trace.npz: v holds <U1; expected numbers"),
+        ({"ee": EE, "v": np.array([{}, None])}, [], r"trace.npz: the trace is no NPZ file of numbers: Object arrays"),
+        ({"ee": np.empty((0, 2)), "v": []}, [], r"trace.npz: ee holds no samples"),
+        ({"ee": EE, "v": V}, ["--signal", "e=v"], r"--signal e=...: the spec has no signal e; did you mean ee"),
+        ({"ee": EE, "v": V}, ["--signal", "v=v,v"], r"--signal v=v,v: 2 names; expected 1"),
+        ({"ee": EE, "v": V}, ["--signal", "v"], r"--signal v: expected each signal once, with its columns"),
+    ],
+)
+def test_a_wrong_trace_of_arrays(arrays, arguments, told, tmp_path):
+    (tmp_path / "task.tltl").write_text(PATROL)
+    np.savez(tmp_path / "trace.npz", **arrays)
+    with pytest.raises(UserError, match=told):
+        tltl(tmp_path / "task.tltl", tmp_path / "trace.npz", *arguments)
+    (tmp_path / "trace.npz").write_text("ee,v")
+    with pytest.raises(UserError, match=r"--signal|trace.npz: the trace is no NPZ file"):
+        tltl(tmp_path / "task.tltl", tmp_path / "trace.npz", *arguments)
+
+
+def test_times_of_arrays(tmp_path, capsys):
+    (tmp_path / "task.tltl").write_text("F[0 s, 0.1 s] x > 0")
+    np.savez(tmp_path / "trace.npz", x=[-1, -1, 1, -1], time=[7, 7.05, 7.1, 7.15])
+    assert tltl(tmp_path / "task.tltl", tmp_path / "trace.npz") == 0
+    assert "period       0.05 s" in capsys.readouterr().out
+    np.savez(tmp_path / "trace.npz", x=[-1, -1, 1, -1], time=[7, 7.05, 7.1, 7.3])
+    with pytest.raises(UserError, match=r"trace.npz: sample 3: time has a gap, from 7.1 to 7.3 s"):
+        tltl(tmp_path / "task.tltl", tmp_path / "trace.npz")
+
+
 def timed(tmp_path, times, spec="F[0 s, 0.1 s] x > 0.5", name="time"):
     (tmp_path / "task.tltl").write_text(spec)
     rows = "".join(f"{t},{x}\n" for t, x in zip(times, [0, 0, 1, 0, 0, 0], strict=False))

@@ -76,7 +76,7 @@ def test_the_folder_of_a_finished_experiment(undisturbed):
         assert {p.name for p in (undisturbed / case).iterdir() if p.is_file()} == {"workspace.png", "workspace.pdf"}
         for seed in (0, 1):
             run_folder = undisturbed / case / f"seed_{seed}"
-            files = {"progress.csv", "timing.csv", "policy.npz", "done.json"}
+            files = {"progress.csv", "timing.csv", "policy.npz", "done.json", "last.npz"}
             assert {p.name for p in run_folder.glob("[!.]*")} == files
 
 

@@ -6,9 +6,28 @@ float. Only what the random formulas of strategies.py hold is read: numbers, nam
 formula operator.
 """
 
+import math
 from math import inf
 
 from tltlrl.logic import syntax as s
+
+FUNCTIONS = {
+    "min": min,
+    "sqrt": math.sqrt,
+    "exp": math.exp,
+    "log": math.log,
+    "sin": math.sin,
+    "cos": math.cos,
+    "tan": math.tan,
+    "asin": math.asin,
+    "acos": math.acos,
+    "atan2": math.atan2,
+    "floor": math.floor,
+    "mod": lambda a, b: a - b * math.floor(a / b),
+    "sign": lambda a: float(a > 0) - float(a < 0),
+    "clip": lambda a, low, high: max(low, min(a, high)),
+    "wrap": lambda a: math.pi - (math.pi - a) % (2 * math.pi),
+}
 
 
 def number(f, trace, t):
@@ -29,6 +48,8 @@ def number(f, trace, t):
             return abs(number(a, trace, t))
         case s.Call("max", operands):
             return max(number(a, trace, t) for a in operands)
+        case s.Call(name, operands) if name in FUNCTIONS:
+            return FUNCTIONS[name](*(number(a, trace, t) for a in operands))
         case s.Call("previous", (a,)):
             return number(a, trace, max(t - 1, 0))
     raise TypeError(f)

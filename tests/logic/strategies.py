@@ -23,6 +23,9 @@ numbers = st.recursive(
         inner.map(lambda a: s.Call("abs", (a,))),
         st.tuples(inner, inner).map(lambda pair: s.Call("max", pair)),
         inner.map(lambda a: s.Call("previous", (a,))),
+        st.builds(lambda name, a: s.Call(name, (a,)), st.sampled_from(["sign", "floor"]), inner),
+        st.builds(lambda a: s.Call("mod", (a, s.Number(0.75))), inner),
+        st.builds(lambda a, low: s.Call("clip", (a, constant(low), s.Number(3.0))), inner, quarters),
     ),
     max_leaves=2,
 )
@@ -47,7 +50,7 @@ def marked(mark):
     return maybe | intervals.map(lambda w: s.Interval(w.lower, w.upper, mark))
 
 
-def _compound(inner):
+def _compound(inner, calls):
     several = st.lists(inner, min_size=2, max_size=3).map(tuple)
     return st.one_of(
         st.builds(s.Not, inner),
@@ -67,14 +70,16 @@ def _compound(inner):
         st.builds(s.Once, inner, maybe),
         st.builds(s.Historically, inner, maybe),
         st.builds(s.Since, inner, inner, maybe),
-        st.builds(lambda k, p: s.Call(k, (p,)), st.sampled_from(["holds", "rise", "fall", "previous"]), inner),
+        st.builds(lambda k, p: s.Call(k, (p,)), st.sampled_from(calls), inner),
         st.builds(lambda k, p: s.ForEach(k, "i", ("r", "g"), p), st.sampled_from(["all", "any"]), inner),
     )
 
 
-def formulas(max_leaves=5):
-    """Random formulas of every operator."""
-    return st.recursive(atoms, _compound, max_leaves=max_leaves).filter(_binds_once)
+def formulas(max_leaves=5, truths=True):
+    """Random formulas of every operator; without truths, only the end and the start make a value infinite."""
+    calls = ["rise", "fall", "previous", *["holds"] * truths]
+    leaves = atoms if truths else comparisons
+    return st.recursive(leaves, lambda inner: _compound(inner, calls), max_leaves=max_leaves).filter(_binds_once)
 
 
 def _binds_once(f, bound=False):

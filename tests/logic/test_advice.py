@@ -61,8 +61,8 @@ CASES = [
     ),
     (
         "signal ped[2][2]\nspec: norm(ped[1]) < 1",
-        "declare several, as 'signal a[2] signal b[2]'",
-        "signal a[2] signal b[2] spec: norm(b) < 1",
+        "or a family, as 'signal a[i in 1..3][2]'",
+        "signal a[i in 0..1][2] spec: norm(a[1]) < 1",
         "signal a[2] signal b[2] spec: distance(b, (0, 0)) < 1",
     ),
     (

@@ -186,16 +186,14 @@ def test_horizon(text, horizon):
         ("distance(2 * ee, (1, 2)) < 1", {"ee": 2}),
         ("norm(-ee + (1, 2)) < 1", {"ee": 2}),
         ("distance(ee / 2 * 3 - q, (1, 2, 3)) < 1", {"ee": 3, "q": 3}),
-        ("box(ee, a, (1, 2)) & ball(q, a, 0.5)", None),
+        ("box(ee, a, (1, 2)) & ball(q, a, 0.5)", {"ee": 2, "a": 2, "q": 2}),
+        ("dot(a, b) < 1 & norm(b - (1, 2)) < pi", {"a": 2, "b": 2}),
+        ("norm(v - previous(v)) < 1 & norm(v + (1, 2)) < 1", {"v": 2}),
         ("distance(x, y) < 1", {"x": None, "y": None}),
     ],
 )
 def test_signals_of_a_bare_formula(text, signals):
-    if signals is None:  # read as vectors, and so refused for what it is: a region that moves
-        with pytest.raises(SpecError, match="found a signal; expected constants"):
-            parse_spec(text)
-    else:
-        assert parse_spec(text).signals == signals
+    assert parse_spec(text).signals == signals
 
 
 def test_many_signals_of_one_dimension_are_found_out_at_once():

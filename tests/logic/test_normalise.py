@@ -3,11 +3,10 @@
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from strategies import batches, formulas
+from strategies import DECLARED, batches, formulas
 
 from tltlrl.logic import parse_spec
 
-DECLARED = "signal x\nsignal y\nsignal z\nsignal w\nspec: "
 UNITS = st.floats(-3, 3).map(lambda exponent: 10.0**exponent)
 
 

@@ -5,7 +5,14 @@ import pandas as pd
 from tltlrl.config.compose import compose
 from tltlrl.config.read import read
 from tltlrl.logic.reasons import Reason, to_json
-from tltlrl.reports.report import bottleneck_lines, outcome_lines, summary_page, trial_lines
+from tltlrl.reports.report import (
+    bottleneck_lines,
+    motion_lines,
+    outcome_lines,
+    summarise,
+    summary_page,
+    trial_lines,
+)
 
 LATE = Reason("`d < 0.2` in at_goal", 1, 199, 199, -0.5, -0.5)
 LATER = Reason("`d < 0.2` in at_goal", 1, 150, 150, -0.25, -0.25)
@@ -100,3 +107,23 @@ def summary(runs, **judged):
         }
         for path, done in runs.items()
     )  # fmt: skip
+
+
+def test_how_policies_move_stands_in_the_summary_and_as_medians_in_the_report():
+    """Results of 0.1 have no measures, and a case without any has empty cells."""
+    results = finished(("a", 0, [], []), ("a", 1, [], []), ("b", 0, [], []))
+    for done in results.values():
+        done |= {"robustness_policy": 0.5, "outcomes": {}}
+    curves = pd.DataFrame(
+        {"task": "t", "case": case, "seed": seed, "iteration": 0, "robustness_policy": 0.5, "robustness_mean": 0.25}
+        for case, seed in (("a", 0), ("a", 1), ("b", 0))
+    )
+    assert motion_lines(summarise(curves, results)) == []
+    for done, length in zip(list(results.values())[:2], (2.0, 5.0), strict=True):
+        done["motion"] = {"path_length": length, "time_to_satisfaction": None}
+    table = summarise(curves, results)
+    assert list(table["path_length"].fillna(-1)) == [2.0, 5.0, -1.0]
+    lines = motion_lines(table)
+    assert lines[5:] == [
+        "| case | path length |", "|---|---|", "| a | 3.5 |", "| b |  |", "", "- path length: m, of the end-effector",
+    ]  # fmt: skip

@@ -12,7 +12,7 @@ import numpy as np
 
 from tltlrl.errors import UserError
 from tltlrl.logic import Explanation, Spec, load_spec
-from tltlrl.logic.trace import Recording, columns, read_recording
+from tltlrl.logic.trace import Arrays, Recording, columns, read_recording
 from tltlrl.logic.traps import unequal_scales
 from tltlrl.resources import spec_path, user_path
 
@@ -25,9 +25,11 @@ exit codes:
   1  the trace does not satisfy the spec (robustness <= 0)
   2  something in the spec, the trace or the command has to be mended: one message says what
 
-A trace is a CSV file with one row per sample and named columns: a scalar signal's column has its name, a vector
-signal's components are ee.x, ee.y, ee.z or ee[0], ee[1], ...; other columns and lines that begin with # are ignored.
-Where the spec counts in seconds, a column time (or t), in seconds, says how far apart samples are.
+A trace is a CSV file with one row per sample and named columns, parted by commas, semicolons or tabs: a scalar signal's
+column has its name, a vector signal's components are ee.x, ee.y, ee.z or ee[0], ee[1], ..., else ee_x or ee_0, ...;
+--signal says other names. Other columns and lines that begin with # are ignored. Or it is an NPZ file with an array for
+each signal, (T,) or (T, d). Where the spec counts in seconds, a column or array time (or t), in seconds, says how far
+apart samples are.
 """
 
 
@@ -44,6 +46,13 @@ def add_arguments(parser: ArgumentParser) -> None:
         help="override a constant: goal_radius=0.3, goal=[1,2], goal.r=[1,2]; may be repeated",
     )
     parser.add_argument(
+        "--signal",
+        metavar="NAME=COLUMNS",
+        action="append",
+        default=[],
+        help="columns of a signal that have other names: ee=pose.x,pose.y; may be repeated",
+    )
+    parser.add_argument(
         "--plot",
         metavar="FILE",
         type=user_path,
@@ -57,7 +66,13 @@ def run(arguments: Namespace) -> int:
     Raises:
       UserError: for exit code 2.
     """
-    return check(arguments.spec, arguments.trace, constants_from(arguments.set), arguments.plot)
+    return check(
+        arguments.spec,
+        arguments.trace,
+        constants_from(arguments.set),
+        arguments.plot,
+        names=columns_from(arguments.signal),
+    )
 
 
 def check(
@@ -66,15 +81,17 @@ def check(
     constants: Mapping[str, object] | None = None,
     plot: str | Path | None = None,
     out: TextIO | None = None,
+    names: Mapping[str, list[str]] | None = None,
 ) -> int:
     """Checks a spec and, if given, a trace.
 
     Args:
       path: of a .tltl file, as for `read_spec`.
-      trace_path: of a CSV file.
+      trace_path: of a CSV or NPZ file.
       constants: in place of the spec's own.
       plot: where to draw the trace, if anywhere.
       out: where to print, standard output if not given.
+      names: signal => names of its columns in the trace, where these are not the usual ones.
 
     Returns:
       The exit code 0 or 1 (see EXIT_CODES).
@@ -93,7 +110,7 @@ def check(
     if spec.counts_seconds:
         spec = as_sampled(spec, recording)
     print(described(spec), file=out)
-    signals = recording.signals(spec.signals)
+    signals = recording.signals(spec.signals, names)
     (why,) = spec.explain(signals)
     steps = next(iter(signals.values())).shape[1]
     print(judged(why, f"{trace_path}, {steps} samples", warnings(spec, signals)), file=out)
@@ -120,7 +137,7 @@ def read_spec(name: str, constants: Mapping[str, object] | None = None) -> Spec:
         raise UserError(f"{name}: the spec cannot be read: {error.strerror}; give the path of a .tltl file") from None
 
 
-def as_sampled(spec: Spec, recording: Recording) -> Spec:
+def as_sampled(spec: Spec, recording: Recording | Arrays) -> Spec:
     """The spec with the sampling period of a recording.
 
     Raises:
@@ -130,7 +147,7 @@ def as_sampled(spec: Spec, recording: Recording) -> Spec:
     if period is None:
         if spec.period is None:
             raise UserError(
-                f"{recording.path}:{recording.top}:1: the spec counts in seconds, and there is no column of times; "
+                f"{recording.place}: the spec counts in seconds, and there is no column of times; "
                 "expected one named time, in seconds; add it, or write for instance 'period 0.05 s' into the spec"
             )
         return spec
@@ -138,7 +155,7 @@ def as_sampled(spec: Spec, recording: Recording) -> Spec:
         return spec.sampled(period)
     if not math.isclose(spec.period, period, rel_tol=0.01):
         raise UserError(
-            f"{recording.path}:{recording.top}:1: the samples are {period:.6g} s apart, but the spec says "
+            f"{recording.place}: the samples are {period:.6g} s apart, but the spec says "
             f"{spec.period:.12g} s; expected one period; correct one of them"
         )
     return spec
@@ -177,6 +194,24 @@ def constants_from(settings: list[str]) -> dict[str, object]:
             raise UserError(f"--set {setting}: {name} is set before; expected each once; delete one")
         family[label or name] = number
     return constants
+
+
+def columns_from(settings: list[str]) -> dict[str, list[str]]:
+    """`["ee=pose.x,pose.y"]` as `{"ee": ["pose.x", "pose.y"]}`.
+
+    Raises:
+      UserError: if a name is missing or given twice.
+    """
+    names: dict[str, list[str]] = {}
+    for setting in settings:
+        name, _, own = setting.partition("=")
+        found = [column.strip() for column in own.split(",")]
+        if name.strip() in names or not name.strip() or not all(found):
+            raise UserError(
+                f"--signal {setting}: expected each signal once, with its columns; write NAME=COLUMN,COLUMN"
+            )
+        names[name.strip()] = found
+    return names
 
 
 def described(spec: Spec) -> str:

@@ -31,7 +31,7 @@ def read(config: Mapping[str, Any]) -> tuple[Study, Machinery]:
     address = dataclass_from(Engine, config["engine"], "engine").address
     machinery = Machinery(config["workers"], address, config["runs_dir"], config["overwrite"])
     # What is wrong with these is told before MuJoCo is imported, which takes longer than finding it.
-    seeds = _seeds(config["seeds"])
+    seeds = seeds_of(config["seeds"])
     spec = load_spec(spec_path(config["spec"]), config["constants"])
 
     from tltlrl.training.build import check, make_task
@@ -135,7 +135,12 @@ def _refinement(values: Mapping[str, Any], learners: Iterable[str]) -> dict[str,
     return {name: Stage(after, algorithm, own[name]) for name in learners}
 
 
-def _seeds(seeds: int | Sequence[int]) -> tuple[int, ...]:
+def seeds_of(seeds: int | Sequence[int]) -> tuple[int, ...]:
+    """The seeds that a config's key `seeds` means: these, or the first n.
+
+    Raises:
+      UserError: if there are too many.
+    """
     if not isinstance(seeds, int):
         return tuple(seeds)
     if seeds > MOST_SEEDS:

@@ -18,7 +18,7 @@ from tltlrl.errors import UserError
 from tltlrl.resources import spec_path
 from tltlrl.store.files import digest
 from tltlrl.store.layout import SPECS
-from tltlrl.training.study import Study
+from tltlrl.training.study import Study, with_later
 
 CONTENT = {
     "command", "started", "ended", "python", "packages", "git", "platform", "cpu", "specs", "config", "later_sessions",
@@ -96,7 +96,7 @@ def settings_in(path: Path) -> dict[str, Any]:
         raise UserError(
             f"{path}: {'not' if path.exists() else 'there is no such file; give'} the manifest.json of an experiment"
         )
-    settings = content["config"] | machinery_defaults() | {"runs_dir": str(path.resolve().parent.parent)}
+    settings = with_later(content["config"]) | machinery_defaults() | {"runs_dir": str(path.resolve().parent.parent)}
     ((name, expected),) = content["specs"].items()
     try:
         text = spec_path(settings["spec"]).read_bytes().decode("utf-8-sig")

@@ -63,6 +63,10 @@ def divided(meaning: Meaning, scales: Mapping[int, float]) -> Meaning:
             copied = graph.add("divide", copied, graph.add("constant", data=(scales[node],)))
         number[node] = copied
     graph.split = {number[node]: (number[right], upper) for node, (right, upper) in meaning.graph.split.items()}
+    graph.split_past = {
+        number[node]: (number[left], number[right], upper)
+        for node, (left, right, upper) in meaning.graph.split_past.items()
+    }
     copies: dict[int, Truth] = {}
 
     def renumbered(truth: Truth) -> Truth:

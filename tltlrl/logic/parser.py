@@ -13,6 +13,7 @@ from tltlrl.logic.syntax import Node
 
 # Every later pass recurses over one definition's tree at a time, so this bounds its use of Python's stack.
 MAX_DEPTH = 100
+MAX_LABELS = 1000  # of a range
 # Operators and operands of one formula once its quantifiers are written out, label by label.
 MAX_SIZE = 200_000
 
@@ -68,7 +69,8 @@ class _DeclaredWords:
 class _TreeBuilder(Transformer[Token, object]):
     """Called by the parser at each reduction, bottom up: no recursion, however deep the text nests."""
 
-    def document(self, *parts: Node | Token) -> syntax.Document:
+    def document(self, *given: Node | Token | tuple[Node, ...]) -> syntax.Document:
+        parts = [part for some in given for part in (some if isinstance(some, tuple) else (some,))]
         keyword = next(i for i, part in enumerate(parts) if isinstance(part, Token))
         formula = parts[keyword + 2]
         rest = (*parts[:keyword], *parts[keyword + 3 :])
@@ -89,7 +91,9 @@ class _TreeBuilder(Transformer[Token, object]):
     def duration(self, token: Token) -> Node:
         return syntax.Duration(_seconds(token), span=span_of(token))
 
-    def signal(self, _: Token, name: Token, *rest: Token) -> Node:
+    def signal(self, _: Token, name: Token, *given: object) -> Node:
+        variable, labels = given[0] if given and isinstance(given[0], tuple) else (None, ())
+        rest = [token for token in given if isinstance(token, Token)]
         typed = (
             [token.type for token in rest].index("COLON") if "COLON" in {token.type for token in rest} else len(rest)
         )
@@ -105,36 +109,52 @@ class _TreeBuilder(Transformer[Token, object]):
         if bracket:
             # tltlrl.logic.declarations refuses 0, which stands for `signal x[2.5]`, and all numbers of five digits.
             dimension = int(bracket[1].lstrip("0")[:5] or 0) if bracket[1].isdecimal() else 0
-        return syntax.Signal(str(name), dimension, bool(rest[typed:]), span=span)
+        return syntax.Signal(str(name), dimension, bool(rest[typed:]), variable, labels, span=span)
 
-    def constant(self, _: Token, name: Token, *rest: object) -> Node:
-        label = str(rest[1]) if len(rest) > 2 else None
-        value = rest[-1]
-        if isinstance(value, syntax.Duration):
-            return syntax.Constant(str(name), label, value.seconds, True, span=span_of(name))
-        assert isinstance(value, float | tuple)
-        return syntax.Constant(str(name), label, value, span=span_of(name))
+    def constant(self, _: Token, name: Token, *rest: object) -> tuple[Node, ...]:
+        labels = rest[1] if isinstance(rest[1], tuple) else (None,)
+        value, span = rest[-1], span_of(name)
+        assert isinstance(value, Node)
+        values: tuple[Node, ...] = (value,)
+        if len(labels) > 1:
+            values = value.items if isinstance(value, syntax.Vector) else (value,)
+            if len(values) != len(labels):
+                raise _Misread(
+                    value.span,
+                    f"found {len(values)} value{'s' * (len(values) != 1)} for {len(labels)} labels; expected one for "
+                    f"each; write a table, as const {name}[1, 2] = (0.5, 0.4)",
+                )
+        return tuple(_constant(str(name), label, own, span) for label, own in zip(labels, values, strict=True))
 
-    def sign(self, *tokens: Token) -> float:
-        return -float(tokens[1]) if len(tokens) == 2 else float(tokens[0])
+    def labels_between(self, first: Token, _: Token, last: Token) -> tuple[str, ...]:
+        if not (first.isdecimal() and last.isdecimal() and int(first) <= int(last) < int(first) + MAX_LABELS):
+            raise _Misread(
+                span_of(first).to(span_of(last)),
+                f"found the range {first}..{last}; expected whole numbers, the smaller first, {MAX_LABELS} at most; "
+                "write for instance 1..3",
+            )
+        return tuple(map(str, range(int(first), int(last) + 1)))
 
-    def literal(self, *parts: object) -> float | tuple[float, ...] | Node:
-        if isinstance(parts[0], Token) and parts[0].type == "DURATION":
-            return self.duration(parts[0])
-        numbers = tuple(part for part in parts if isinstance(part, float))
-        return numbers if len(parts) > 1 else numbers[0]
+    def labels(self, *parts: Token | tuple[str, ...]) -> tuple[str, ...]:
+        members = (part for part in parts if isinstance(part, tuple) or part.type != "COMMA")
+        return tuple(label for part in members for label in (part if isinstance(part, tuple) else (str(part),)))
 
-    def labels(self, *tokens: Token) -> tuple[str, ...]:
-        return tuple(str(t) for t in tokens if t.type != "COMMA")
+    def parameters(self, *tokens: Token) -> list[str]:
+        names = [str(token) for token in tokens if token.type == "NAME"]
+        for token, name in zip((t for t in tokens if t.type == "NAME"), names, strict=True):
+            if names.count(name) > 1:
+                raise _Misread(span_of(token), f"the parameter '{name}' is listed twice; expected once; rename one")
+        return names
 
     def family(self, _l: Token, variable: Token, _i: Token, labels: tuple[str, ...], _r: Token) -> object:
         return str(variable), labels
 
     def let(self, keyword: Token, name: Token, *rest: object) -> Node:
         variable, labels = rest[0] if isinstance(rest[0], tuple) else (None, ())
+        parameters = tuple(rest[0]) if isinstance(rest[0], list) else ()
         body = rest[-1]
         assert isinstance(body, Node)
-        return syntax.Definition(str(keyword), str(name), variable, labels, body, span=span_of(name))
+        return syntax.Definition(str(keyword), str(name), variable, labels, body, parameters, span=span_of(name))
 
     definition = let
 
@@ -256,6 +276,27 @@ class _TreeBuilder(Transformer[Token, object]):
         return syntax.Vector(_nodes(parts), span=span_of(first).to(span_of(last)))
 
 
+def _constant(name: str, label: str | None, value: Node, span: Span) -> syntax.Constant:
+    """A constant whose value is written down, or, if it is not, a tree that is yet to be computed."""
+    if isinstance(value, syntax.Duration):
+        return syntax.Constant(name, label, value.seconds, True, span=span)
+    number = _literal(value)
+    if number is not None:
+        return syntax.Constant(name, label, number, span=span)
+    items = tuple(map(_literal, value.items)) if isinstance(value, syntax.Vector) else (None,)
+    numbers = tuple(item for item in items if item is not None)
+    return syntax.Constant(name, label, numbers if len(numbers) == len(items) else value, span=span)
+
+
+def _literal(node: Node) -> float | None:
+    match node:
+        case syntax.Number(value):
+            return value
+        case syntax.Negative(syntax.Number(value)):
+            return -value
+    return None
+
+
 def _seconds(token: Token) -> float:
     """`1.5 s`, `20 ms`, `2 min` in seconds."""
     number, unit = re.fullmatch(r"(.*?)\s*(s|ms|min)", str(token)).groups()  # type: ignore[union-attr]
@@ -298,7 +339,8 @@ def parse(source: Source) -> syntax.Document:
         raise error  # out here it has no context: lark's own error holds a parser, which cannot go to another process
     assert isinstance(document, syntax.Document)
     definitions = [d for d in document.declarations if isinstance(d, syntax.Definition)]
-    for tree in (*(d.body for d in definitions), document.formula):
+    values = (d.value for d in document.declarations if isinstance(d, syntax.Constant))
+    for tree in (*(d.body for d in definitions), *(v for v in values if isinstance(v, Node)), document.formula):
         for node, depth in syntax.walk(tree):
             if depth > MAX_DEPTH:
                 raise SpecError(

@@ -11,12 +11,15 @@ def beyond(meaning: Meaning, signals: Signals) -> tuple[Truth, float] | None:
 
     Every operation selects one of its arguments or the infinite value of an empty minimum or maximum, so whether a
     value is infinite does not depend on the trajectory. A part that is read at the first sample alone counts if it is
-    infinite there; one under a temporal operator if it is at every sample. The innermost such part is given.
+    infinite there; one under a temporal operator if it is at every sample. The innermost such part is given. Nothing is
+    said of a formula with truths (signal p: bool, holds), whose values are infinite themselves.
 
     Args:
       meaning: of the spec.
       signals: of any one trajectory of that length, arrays of shape (1, T).
     """
+    if any(op.name == "holds" for op in meaning.graph.ops):
+        return None
     steps = next(iter(signals.values())).shape[1]
     parts = _read_on_suffixes(meaning.formula)
     nodes = sorted({part.node for part in parts})

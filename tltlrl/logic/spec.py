@@ -629,6 +629,10 @@ class _Batch:
         problem = {
             "divide": "division by zero or overflow",
             "sqrt": "the square root of a negative number",
+            "log": "the logarithm of a number that is not above 0",
+            "asin": "the arc sine of a number beyond -1 and 1",
+            "acos": "the arc cosine of a number beyond -1 and 1",
+            "mod": "division by zero",
             "power": "a power without a finite value",
         }.get(self.meaning.graph.ops[node].name, "a number too large for a float")
         return TraceError(

@@ -5,8 +5,9 @@ formulas share one tree because one grammar reads both (`(x` may begin either); 
 them apart.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 from tltlrl.logic.errors import NOWHERE, Span
 
@@ -272,28 +273,31 @@ class Signal(Node):
     name: str
     dimension: int | None
     is_boolean: bool = False
+    variable: str | None = None
+    labels: tuple[str, ...] = ()  # of a family: `signal ped[i in 1..5][2]`
 
 
 @dataclass(frozen=True, slots=True)
 class Constant(Node):
-    """`const goal = (1, 2)`, or a member of a family: `const goal[r] = (1, 2)`."""
+    """`const goal = (1, 2)`, or a member of a family: `const goal[r] = (1, 2)`; a value that is computed is a tree."""
 
     name: str
     label: str | None
-    value: float | tuple[float, ...]
+    value: float | tuple[float, ...] | Node
     is_duration: bool = False  # in seconds
 
 
 @dataclass(frozen=True, slots=True)
 class Definition(Node):
     """`let d = ...` (a number) or `def p: ...` (a formula); with a variable, a family: `def at[i in r,
-    g]: ...`."""
+    g]: ...`, with parameters, a function."""
 
     keyword: str
     name: str
     variable: str | None
     labels: tuple[str, ...]
     body: Node
+    parameters: tuple[str, ...] = ()  # `def near(p, r): ...`
 
 
 @dataclass(frozen=True, slots=True)
@@ -347,6 +351,27 @@ def walk(tree: Node) -> Iterator[tuple[Node, int]]:
         node, depth = stack.pop()
         yield node, depth
         stack.extend((child, depth + 1) for child in reversed(children(node)))
+
+
+def depth(tree: Node) -> int:
+    """How many nodes of a tree stand in each other at most."""
+    return max(depth for _, depth in walk(tree))
+
+
+def replaced(tree: Node, names: Mapping[str, Node], labels: Mapping[str, str]) -> Node:
+    """A tree with other trees in the place of names, and other labels in that of labels."""
+
+    def of(part: object) -> object:
+        if isinstance(part, tuple):
+            return tuple(map(of, part))
+        return replaced(part, names, labels) if isinstance(part, Node) else part
+
+    if isinstance(tree, Name):
+        return names.get(tree.name, tree)
+    changed: dict[str, Any] = {f.name: of(getattr(tree, f.name)) for f in fields(tree) if f.name != "span"}
+    if isinstance(tree, Index):
+        changed["label"] = labels.get(tree.label, tree.label)
+    return replace(tree, **changed)
 
 
 def size(tree: Node) -> int:
@@ -464,13 +489,17 @@ def _write(node: Node) -> tuple[str, int]:
             return f"{number_text(seconds)} s", _ATOM
         case Period(seconds):
             return f"period {number_text(seconds)} s", _ATOM
-        case Signal(name, dimension, is_boolean):
-            return f"signal {name}" + ("" if dimension is None else f"[{dimension}]") + ": bool" * is_boolean, _ATOM
-        case Constant(name, label, value, is_duration):
-            written = value_text(value) + " s" * is_duration
-            return f"const {name}" + (f"[{label}]" if label else "") + f" = {written}", _ATOM
-        case Definition(keyword, name, variable, labels, body):
+        case Signal(name, dimension, is_boolean, variable, labels):
             family = f"[{variable} in {', '.join(labels)}]" if variable else ""
+            return f"signal {name}{family}" + (
+                "" if dimension is None else f"[{dimension}]"
+            ) + ": bool" * is_boolean, _ATOM
+        case Constant(name, label, value, is_duration):
+            written = str(value) if isinstance(value, Node) else value_text(value) + " s" * is_duration
+            return f"const {name}" + (f"[{label}]" if label else "") + f" = {written}", _ATOM
+        case Definition(keyword, name, variable, labels, body, parameters):
+            family = f"[{variable} in {', '.join(labels)}]" if variable else ""
+            family += f"({', '.join(parameters)})" if parameters else ""
             return f"{keyword} {name}{family}{' =' if keyword == 'let' else ':'} {body}", _ATOM
         case Document(declarations, formula, True):
             return "\n".join(map(text, (*declarations, formula))), _ATOM

@@ -99,14 +99,24 @@ def titled(folders: Sequence[Path], experiments: Sequence[pd.DataFrame]) -> dict
 
 
 def plot_learning_curves(experiments: Mapping[str, pd.DataFrame], path: Path) -> None:
-    """Robustness against iterations, one line per case and one column per experiment, as path.png and path.pdf.
+    """The figure of the learning curves, as path.png and path.pdf.
+
+    Args:
+      experiments: title => learning_curves.csv.
+      path: without suffix.
+    """
+    with mpl.rc_context(FONT):
+        save(curves_figure(experiments), path)
+
+
+def curves_figure(experiments: Mapping[str, pd.DataFrame]) -> Figure:
+    """Robustness against iterations, one line per case and one column per experiment.
 
     The rows: of the sampled trajectories; where the worst curves leave the satisfied ones no room, these again near 0;
     of the mean policy, which is what trials and tables are about.
 
     Args:
       experiments: title => learning_curves.csv.
-      path: without suffix.
     """
     with mpl.rc_context(FONT):
         near = {title: _near_zero(curves, "robustness_mean") for title, curves in experiments.items()}
@@ -138,7 +148,7 @@ def plot_learning_curves(experiments: Mapping[str, pd.DataFrame], path: Path) ->
             frameon=False,
         )
         figure.supxlabel("\n".join(_caption(list(experiments.values()))), fontsize=7)
-        save(figure, path)
+    return figure
 
 
 def _caption(experiments: Sequence[pd.DataFrame]) -> list[str]:

@@ -13,6 +13,7 @@ from scipy.stats import binomtest
 from tltlrl.logic.reasons import from_json, merge
 from tltlrl.reports.interval import FEWEST, LEVEL, Array, mean_interval
 from tltlrl.reports.plotting import FORMATS, plot_learning_curves, titled
+from tltlrl.simulation.motion import MEASURES
 from tltlrl.store.files import write_text
 from tltlrl.store.layout import CURVES, FIGURE, PROGRESS, REPORT, SUMMARY, SUMMARY_PAGE, WORKSPACE, run_of
 from tltlrl.store.run import joined
@@ -76,13 +77,14 @@ def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) 
                 "first_satisfied_iteration": satisfied.iloc[0] if len(satisfied) else None,
                 "robustness_mean_last": run["robustness_mean"].iloc[-1],
                 "robustness_mean_over_run": run["robustness_mean"].mean(),
+                **{name: done.get("motion", {}).get(name) for name in MEASURES},  # results of 0.1 have none
                 "trials": done["trials"],
                 "successes": done["successes"],
                 "success_rate": done["successes"] / done["trials"],
                 **done["outcomes"],
             }
         )
-    return pd.DataFrame(rows).astype({"first_satisfied_iteration": "Int64"})
+    return pd.DataFrame(rows).astype({"first_satisfied_iteration": "Int64"} | dict.fromkeys(MEASURES, "float64"))
 
 
 def outcome_lines(summary: pd.DataFrame) -> list[str]:
@@ -142,6 +144,7 @@ def report_page(
         f"![Learning curves]({FIGURE}.png)",
         *bottleneck_lines(finished, task.control_timestep),
         *picture_lines(task, finished),
+        *motion_lines(summary),
         *trial_lines(summary, finished, task.control_timestep),
         "",
         "## Settings",
@@ -164,6 +167,26 @@ def picture_lines(task: Task, finished: Mapping[Path, Mapping[str, Any]]) -> lis
         "",
         *(f"![{case}]({case}/{WORKSPACE}.png)" for case in cases),
     ]
+
+
+def motion_lines(summary: pd.DataFrame) -> list[str]:
+    """How the learned policies move: of every case the median of each measure over the seeds."""
+    known = [name for name in MEASURES if summary[name].notna().any()]
+    if not known:
+        return []
+    lines = [
+        "",
+        "## How the learned policies move",
+        "",
+        "Of the noise-free motion of the mean policy, the median over the seeds.",
+        "",
+        "| case |" + "".join(f" {name.replace('_', ' ').replace('rms', 'RMS')} |" for name in known),
+        "|---" * (1 + len(known)) + "|",
+    ]
+    for case, rows in summary.groupby("case", sort=False):
+        medians = (rows[name].median() for name in known)
+        lines.append(f"| {case} |" + "".join(f" {value:.3g} |" if np.isfinite(value) else "  |" for value in medians))
+    return [*lines, "", *(f"- {name.replace('_', ' ').replace('rms', 'RMS')}: {MEASURES[name]}" for name in known)]
 
 
 def trial_lines(summary: pd.DataFrame, finished: Mapping[Path, Mapping[str, Any]], timestep: float) -> list[str]:

@@ -239,6 +239,24 @@ def _skeleton(task: Task) -> Iterator[str]:
         yield from _array(points, (task.steps, *np.shape(points)[1:2], 2))
 
 
+def _joints(task: Task) -> Iterator[str]:
+    if (joints := task.joints) is None:
+        return
+    features = {group.name: len(group.parts) for group in task.observation}
+    commands = {group.name: len(group.parts) for group in task.action}
+    named = ((joints.angles, features), (joints.velocities, features), (joints.speeds, commands))
+    for name, groups in named:
+        if name not in groups:
+            yield f"{'features' if groups is features else 'commands'}: no group {name}{nearest(name, groups)}"
+        elif groups[name] != features.get(joints.angles, groups[name]):
+            yield f"{name} has {groups[name]} parts, {joints.angles} {features[joints.angles]}"
+
+
+def _end_effector(task: Task) -> Iterator[str]:
+    if task.end_effector is not None and task.end_effector not in task.slices:
+        yield f"features: no group {task.end_effector}{nearest(task.end_effector, task.slices)}"
+
+
 # How it moves
 
 
@@ -308,6 +326,8 @@ STAGES: tuple[dict[str, Rule], ...] = (
         "outcomes": _outcomes,
         "camera": _camera,
         "skeleton": _skeleton,
+        "joints": _joints,
+        "end_effector": _end_effector,
     },
     {"stepping": _stepping, "repeatable": _repeatable},
 )

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tltlrl.store.files import digest, read_arrays, write_arrays, write_json
-from tltlrl.store.layout import CHECKPOINT, DONE, POLICY, PROGRESS, TIMING, run_of
+from tltlrl.store.layout import CHECKPOINT, DONE, LAST, POLICY, PROGRESS, TIMING, run_of
 
 SEAL, RUN = "sha256", "run"  # keys of done.json
 STATE = "state."  # before the names of the learner's arrays in checkpoint.npz
@@ -54,7 +54,7 @@ def write_results(
     """
     write_arrays(folder / POLICY, **policy)
     write_json(folder / DONE, {**results, SEAL: _seals(folder, identity, results)})
-    drop_checkpoint(folder)
+    shelve_checkpoint(folder)
 
 
 def read_results(folder: Path, identity: str) -> dict[str, Any] | None:
@@ -108,7 +108,7 @@ def read_policy(folder: Path) -> dict[str, NDArray[np.generic]]:
 
 def write_checkpoint(folder: Path, identity: str, checkpoint: Checkpoint) -> None:
     """checkpoint.npz, sealed together with the rows of progress.csv so far, which must be in the file."""
-    rows = (folder / PROGRESS).read_bytes()
+    rows = first_rows(folder / PROGRESS, checkpoint.iteration)
     state = {f"{STATE}{name}": array for name, array in checkpoint.state.items()}
     write_arrays(
         folder / CHECKPOINT,
@@ -119,16 +119,20 @@ def write_checkpoint(folder: Path, identity: str, checkpoint: Checkpoint) -> Non
     )
 
 
-def read_checkpoint(folder: Path, identity: str) -> Checkpoint | None:
-    """Where an unfinished run is resumed; None if it starts from the beginning.
+def read_checkpoint(folder: Path, identity: str, name: str = CHECKPOINT) -> Checkpoint | None:
+    """Where a run is resumed; None if it starts from the beginning.
+
+    Args:
+      folder, identity: of the run.
+      name: of the file; `LAST` for where a finished run goes on if it is given more iterations.
 
     Raises:
       DamagedError: if there is a checkpoint that a run cannot be resumed from.
     """
-    if not (folder / CHECKPOINT).exists():
+    if not (folder / name).exists():
         return None
     try:
-        saved = read_arrays(folder / CHECKPOINT)
+        saved = read_arrays(folder / name)
         iteration = int(saved["iteration"])
         state = {name.removeprefix(STATE): array for name, array in saved.items() if name.startswith(STATE)}
         rows = first_rows(folder / PROGRESS, iteration)
@@ -137,7 +141,21 @@ def read_checkpoint(folder: Path, identity: str) -> Checkpoint | None:
             raise ValueError(f"the rows of {PROGRESS} are not those it was written with")
         return Checkpoint(iteration, int(saved["env_steps"]), state)
     except UNREADABLE as error:
-        raise DamagedError(f"a run cannot be resumed from its {CHECKPOINT} ({error})") from error
+        raise DamagedError(f"a run cannot be resumed from its {name} ({error})") from error
+
+
+def shelve_checkpoint(folder: Path) -> None:
+    """A finished run keeps its last checkpoint under another name, in case it is given more iterations."""
+    if (folder / CHECKPOINT).exists():
+        (folder / CHECKPOINT).replace(folder / LAST)
+
+
+def iterations_done(folder: Path) -> int | None:
+    """Of a finished run; None if it is not finished, or done.json cannot be read."""
+    try:
+        return int(json.loads((folder / DONE).read_text(encoding="utf-8"))["iterations"])
+    except UNREADABLE:
+        return None
 
 
 def drop_checkpoint(folder: Path) -> None:

@@ -17,6 +17,7 @@ from tltlrl.logic import Spec
 from tltlrl.settings import check, check_value, setting, settings_of
 from tltlrl.store.files import digest
 
+TLTL = "tltl"  # the reward that is the spec's own robustness
 MOST_SEEDS = MOST_TRIALS = MOST_SAMPLES = 10_000  # more would not fit into memory, and show only after hours
 LATER = {  # than 0.1, with their defaults
     "exploration": {},
@@ -27,7 +28,11 @@ LATER = {  # than 0.1, with their defaults
     "refine": {},
     "batches": 1,
 }
-TLTL = "tltl"  # the reward that is the spec's own robustness
+
+
+def with_later(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """The config of a result of any version: what was added since stands at its default, which changes nothing."""
+    return {**settings, "algorithm": {**LATER, **settings["algorithm"]}}
 
 
 @dataclass(frozen=True)
