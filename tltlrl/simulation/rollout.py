@@ -13,9 +13,10 @@ import mujoco.rollout
 import numpy as np
 from numpy.typing import NDArray
 
-from tltlrl.tasks.task import Task, draw_command_noise
+from tltlrl.tasks.task import Task, draw_command_noise, draw_starts
 
 Array = NDArray[np.float64]
+LARGEST = 1e10  # MuJoCo's own bound: a simulation beyond it has diverged
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,8 @@ class Simulator:
         self._task = task
         self._physics = task.make_physics()
         self._model = self._physics.model.ptr
+        # A simulation that diverges is told, and does not begin anew from somewhere in the middle of an episode.
+        self._model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         self._data = mujoco.MjData(self._model)
         self._rollout = mujoco.rollout.Rollout(nthread=0)
         self._substeps = round(task.control_timestep / self._model.opt.timestep)
@@ -51,6 +54,9 @@ class Simulator:
         self._data.qpos[:], self._data.qvel[:] = qpos, qvel
         self._start = np.empty(mujoco.mj_stateSize(self._model, mujoco.mjtState.mjSTATE_FULLPHYSICS.value))
         mujoco.mj_getState(self._model, self._data, self._start, mujoco.mjtState.mjSTATE_FULLPHYSICS.value)
+        self._late = np.repeat(
+            self._model.sensor_needstage == mujoco.mjtStage.mjSTAGE_ACC.value, self._model.sensor_dim
+        )  # of sensordata: what a step says of the accelerations in it
 
     @property
     def command_range(self) -> tuple[Array, Array]:
@@ -63,7 +69,11 @@ class Simulator:
         """What the actuators add to the commands of `count` trajectories, shape (count, T, d)."""
         return draw_command_noise(self._task, (count, self._task.steps), rng)
 
-    def rollout(self, gain: Array, offsets: Array, command_noise: Array) -> Trajectories:
+    def draw_starts(self, count: int, rng: np.random.Generator) -> Array | None:
+        """How far `count` trajectories start from the task's start, shape (count, nv); None where all start there."""
+        return draw_starts(self._task, count, rng)
+
+    def rollout(self, gain: Array, offsets: Array, command_noise: Array, starts: Array | None = None) -> Trajectories:
         """Simulates u_t = K s_t + offset_t from the task's start.
 
         The last command is recorded but moves nothing: no sample comes after s_{T-1}.
@@ -72,6 +82,7 @@ class Simulator:
           gain: K, shape (d, n).
           offsets: k_t + exploration noise, shape (N, T, d), in the commands' unit.
           command_noise: what the actuators add, shape (N, T, d), in the commands' unit.
+          starts: how far each trajectory starts from the task's start, shape (N, nv), rad or m.
 
         Raises:
           FloatingPointError: if the simulation diverged, naming the first trajectory and step that did.
@@ -82,16 +93,21 @@ class Simulator:
         features = np.empty((steps, n, task.width))
         commands = offsets.transpose(1, 0, 2).copy()  # the caller's stay as they are
         noise = np.ascontiguousarray(command_noise.transpose(1, 0, 2))
-        state = np.tile(self._start, (n, 1))
+        state = self._starts(n, starts)
         control = np.empty((n, substeps, d))
         states = np.empty((n, substeps, self._start.size))
         sensors = np.empty((n, substeps, self._model.nsensordata))
         models, data = [self._model] * n, [self._data]
-        transposed_gain = np.ascontiguousarray(gain.T)
+        sensed, known = task.sensed, task.width
+        if sensed is not None:
+            late = self._at_start(state)
+            known -= sensed(late).shape[1]
+        transposed_gain = np.ascontiguousarray(gain[:, :known].T)
         for t in range(steps):
-            features[t] = task.features(state[:, 1 : 1 + nq], state[:, 1 + nq : 1 + nq + nv])
-            commands[t] += features[t] @ transposed_gain
-            if t + 1 == steps:
+            last = t + 1 == steps
+            features[t, :, :known] = task.features(state[:, 1 : 1 + nq], state[:, 1 + nq : 1 + nq + nv])
+            commands[t] += features[t, :, :known] @ transposed_gain
+            if last and sensed is None:
                 break
             control[:] = (commands[t] + noise[t])[:, None]
             self._rollout.rollout(
@@ -104,17 +120,27 @@ class Simulator:
                 state=states,
                 sensordata=sensors,
             )
+            if sensed is not None:
+                # What the first physics step says belongs to the sample it began at, but for accelerations.
+                features[t, :, known:] = sensed(np.where(self._late, late, sensors[:, 0]))
+                late = sensors[:, -1].copy()
+            if last:
+                break  # that step was for the sensors
             state[:] = states[:, -1]
         # Whoever ended early was simulated to the end all the same, and is cut here.
         ended = task.terminated(features.reshape(steps * n, -1)).reshape(steps, n)
         lengths = np.where(ended.any(axis=0), ended.argmax(axis=0) + 1, steps)
         for i in np.flatnonzero(lengths < steps):
             features[lengths[i] :, i] = features[lengths[i] - 1, i]
-        finite = np.isfinite(features).all(axis=2) & np.isfinite(commands).all(axis=2)
+        finite = (np.abs(features) < LARGEST).all(axis=2) & np.isfinite(commands).all(axis=2)
         wrong = ~finite & (np.arange(steps)[:, None] < lengths)
         if wrong.any():
             t, i = np.argwhere(wrong)[0]
-            raise FloatingPointError(f"the simulation of {task.name} diverged: trajectory {i}, step {t}")
+            raise FloatingPointError(
+                f"the simulation of {task.name} diverged: trajectory {i}, step {t} ({t * task.control_timestep:.3g} s)"
+                "; a smaller timestep of the model, more damping or armature in its joints, or less exploration "
+                "(algorithm.initial_std) usually helps"
+            )
         return Trajectories(
             features.transpose(1, 0, 2),
             commands.transpose(1, 0, 2),
@@ -122,3 +148,24 @@ class Simulator:
             state[:, 1 : 1 + nq],
             state[:, 1 + nq : 1 + nq + nv],
         )
+
+    def _starts(self, count: int, starts: Array | None) -> Array:
+        """The states at s_0, (count, size of the full physics state)."""
+        state = np.tile(self._start, (count, 1))
+        if starts is not None:
+            nq = self._model.nq
+            for row, push in zip(state, starts, strict=True):
+                qpos = row[1 : 1 + nq].copy()
+                mujoco.mj_integratePos(self._model, qpos, push, 1.0)
+                row[1 : 1 + nq] = qpos
+        return state
+
+    def _at_start(self, state: Array) -> Array:
+        """The sensors' values at s_0, without a command: (N, nsensordata)."""
+        values = np.empty((len(state), self._model.nsensordata))
+        for row, at in zip(values, state, strict=True):
+            mujoco.mj_setState(self._model, self._data, at, mujoco.mjtState.mjSTATE_FULLPHYSICS.value)
+            self._data.ctrl[:], self._data.qacc_warmstart[:] = 0.0, 0.0
+            mujoco.mj_forward(self._model, self._data)
+            row[:] = self._data.sensordata
+        return values

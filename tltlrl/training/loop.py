@@ -50,8 +50,11 @@ def iterate(run: Run, setup: Setup, state: Any, iteration: int) -> Iteration:
     policy = learner.policy(state)
     offsets = np.concatenate([learner.ask(state, samples, rng), policy.mean[None]])
     noise = np.concatenate([simulator.draw_command_noise(samples, rng), np.zeros((1, *policy.mean.shape))])
+    starts = simulator.draw_starts(samples, rng)
+    if starts is not None:
+        starts = np.concatenate([starts, np.zeros((1, starts.shape[1]))])
     start = time.perf_counter()
-    trajectories = simulator.rollout(policy.gain, offsets, noise)
+    trajectories = simulator.rollout(policy.gain, offsets, noise, starts)
     physics_seconds = time.perf_counter() - start
 
     signals = setup.task.signals(trajectories.features, trajectories.commands)

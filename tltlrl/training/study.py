@@ -14,7 +14,7 @@ from typing import Any
 from tltlrl.errors import UserError
 from tltlrl.learning.scores import TOLD
 from tltlrl.logic import Spec
-from tltlrl.settings import check, check_value, setting, settings_of
+from tltlrl.settings import check, check_value, setting, settings_of, without_places
 from tltlrl.store.files import digest
 
 MOST_SEEDS = MOST_TRIALS = MOST_SAMPLES = 10_000  # more would not fit into memory, and show only after hours
@@ -140,7 +140,7 @@ class Run:
         """
         algorithm = dataclasses.asdict(self.algorithm) | dataclasses.asdict(self.learner)
         asked = {
-            "task": dataclasses.asdict(self.task),
+            "task": without_places(self.task),
             "reward": dataclasses.asdict(self.reward),
             "spec": {"text": self.spec.text, "constants": dict(self.spec.constants)},
             "case": {"reward": self.case.reward, "algorithm": self.case.learner},
