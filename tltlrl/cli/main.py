@@ -15,6 +15,8 @@ from tltlrl.errors import UserError
 
 COMMANDS = {
     "check": "check a spec and, with a trace, print robustness, verdict and explanation",
+    "new": "a page and a spec for a robot of your own, from its MJCF file",
+    "tasks": "the tasks; of one its signals, with what values they take",
     "evaluate": "trials of a learned policy and their success rate",
     "render": "a picture of the workspace with the learned paths, and a video",
     "plot": "the learning curves of one or more experiments, from their CSV files",

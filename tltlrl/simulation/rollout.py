@@ -17,6 +17,7 @@ from tltlrl.tasks.task import Task, draw_command_noise, draw_starts
 
 Array = NDArray[np.float64]
 LARGEST = 1e10  # MuJoCo's own bound: a simulation beyond it has diverged
+mujoco.set_mju_user_warning(lambda _: None)  # a rollout says so itself; MuJoCo would leave a file where the user works
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import abc
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any, Protocol
 
 import numpy as np
@@ -76,6 +77,7 @@ class Task(abc.ABC):
         before them, and the feedback has nothing on them: a sensor's value belongs to a sample, and the rollout knows
         it after the command. A sensor of accelerations and forces says what it saw in the physics step before.
       start_spread: standard deviation of the start, shape (nv,), rad or m; drawn anew for each trajectory.
+      units: of signals, by name, for their users.
       camera: of the model, for films.
       skeleton: features (..., n) => points (..., P, 2), m: the robot as a polyline from its base to its end-effector,
         for pictures of the plane.
@@ -91,6 +93,7 @@ class Task(abc.ABC):
     feedback: Array
     sensed: Callable[[Array], Array] | None = None
     start_spread: Array | None = None
+    units: Mapping[str, str] = MappingProxyType({})
     camera: str | None = None
     skeleton: Callable[[Array], Array] | None = None
 

@@ -18,6 +18,7 @@ from tltlrl.learning.learner import Learner
 from tltlrl.learning.policy import Policy
 from tltlrl.logic import Spec
 from tltlrl.registry import LEARNERS, TASKS
+from tltlrl.simulation.probe import ranges_seen
 from tltlrl.simulation.rollout import Simulator
 from tltlrl.simulation.trials import mean_motion
 from tltlrl.tasks.task import StepReward, Task
@@ -160,6 +161,9 @@ def check(study: Study) -> None:
         make_reward(run)
     _check_signals(study.spec, task)
     task.make_physics()
+    if study.task.name in TASKS.described:  # a stranger's model
+        ranges_seen(task, np.random.default_rng(0))
+        make_evaluation_task(study.task)
 
 
 def _check_signals(spec: Spec, task: Task) -> None:

@@ -6,7 +6,6 @@ import hashlib
 import importlib.util
 import re
 from collections.abc import Callable
-from functools import lru_cache
 from pathlib import Path
 
 import mujoco
@@ -84,19 +83,14 @@ def _files(path: Path) -> list[Path]:
     return list(found)
 
 
-@lru_cache(maxsize=8)
-def _read(path: Path, digest: str) -> mujoco.MjSpec:  # noqa: ARG001  # the digest makes it another one
-    return mujoco.MjSpec.from_file(str(path))
-
-
-def read_model(path: Path, digest: str) -> mujoco.MjSpec:
+def read_model(path: Path) -> mujoco.MjSpec:
     """The model as MuJoCo reads it, to be changed at will; automatic resets are switched off.
 
     Raises:
       UserError: with what MuJoCo says, and its line.
     """
     try:
-        spec = _read(path, digest).copy()
+        spec = mujoco.MjSpec.from_file(str(path))  # a copy of a spec would lose what refers to nothing
     except ValueError as error:
         raise complaint(path, error) from None
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)

@@ -60,11 +60,21 @@ def read_page(path: Path) -> Page:
     Raises:
       UserError: naming file, line and key.
     """
+    try:
+        return page_of(path, path.read_bytes())
+    except OSError as error:
+        raise UserError(f"{shown(path)}: the page cannot be read: {error.strerror}; give a robot's file") from None
+
+
+def page_of(path: Path, data: bytes) -> Page:
+    """The page that a file's content is.
+
+    Raises:
+      UserError: naming file, line and key.
+    """
     name = shown(path)
     try:
-        node = yaml.compose(path.read_bytes().decode("utf-8-sig"), Loader=_Loader)
-    except OSError as error:
-        raise UserError(f"{name}: the page cannot be read: {error.strerror}; give the file of a robot") from None
+        node = yaml.compose(data.decode("utf-8-sig"), Loader=_Loader)
     except UnicodeDecodeError:
         raise UserError(f"{name}: it is not text in UTF-8; save it as UTF-8") from None
     except yaml.MarkedYAMLError as error:

@@ -138,13 +138,22 @@ class Measure:
 
 
 def names_in(model: mujoco.MjModel, of: str) -> list[str]:
-    """The names of all joints, sites, ... of a model; that of one without a name is its kind and number."""
+    """The names of all joints, sites, ... of a model, in order; empty for what has none.
+
+    Joints and actuators without a name have their kind and number: they are commanded and are features all the same.
+    """
     kind = NAMED["geom" if of == "geoms" else of]
     counts = {
         "joint": model.njnt, "site": model.nsite, "body": model.nbody, "geom": model.ngeom, "geoms": model.ngeom,
         "actuator": model.nu, "sensor": model.nsensor, "keyframe": model.nkey, "camera": model.ncam,
     }  # fmt: skip
-    return [mujoco.mj_id2name(model, kind.value, i) or f"{of}_{i}" for i in range(counts[of])]
+    numbered = of in ("joint", "actuator")
+    return [mujoco.mj_id2name(model, kind.value, i) or f"{of}_{i}" * numbered for i in range(counts[of])]
+
+
+def named(model: mujoco.MjModel, of: str) -> list[str]:
+    """The names of all joints, sites, ... that have one."""
+    return [name for name in names_in(model, of) if name]
 
 
 def find(address: str, model: mujoco.MjModel, told: Told) -> Measure:
@@ -157,7 +166,7 @@ def find(address: str, model: mujoco.MjModel, told: Told) -> Measure:
     if field not in FIELDS:
         raise told(f"there is no quantity {field}{nearest(field, FIELDS)}")
     of = FIELDS[field].of
-    valid = names_in(model, of)
+    valid = named(model, of)
     if not rest:
         raise told(f"{field} is of a {of}; write {field}.NAME{nearest('', valid)}")
     words = rest.split(".")

@@ -25,7 +25,7 @@ from tltlrl.tasks.mjcf import quantities
 from tltlrl.tasks.mjcf.keys import KINDS, RobotConfig
 from tltlrl.tasks.mjcf.model import compiled, digest_of, model_path, read_model
 from tltlrl.tasks.mjcf.motion import holding_commands
-from tltlrl.tasks.mjcf.page import mistake
+from tltlrl.tasks.mjcf.page import Key, mistake
 from tltlrl.tasks.mjcf.quantities import Measure
 from tltlrl.tasks.task import MOST_STEPS, Array, Quantity, Signals, Task
 
@@ -76,7 +76,7 @@ class Robot(Task):
         self._path = model_path(config.model, Path(config.file).parent, self._mistake("model"))
         self._digest = digest_of(self._path)
         self._check_digest()
-        bare = compiled(self._path, read_model(self._path, self._digest))
+        bare = _prepared(self._path, self._digest)
         self._check_model(bare)
         self.control_timestep = config.control_timestep
         self.steps = self._steps()
@@ -96,6 +96,10 @@ class Robot(Task):
         self.observation = self._groups(sensed)
         self.action = (Quantity("commands", "of the model", tuple(quantities.names_in(model, "actuator"))),)
         self._columns = self._columns_of_signals()
+        self.units = {
+            name: ", ".join(dict.fromkeys(quantities.FIELDS[part.field].unit for part in parts))
+            for name, parts in self._quantities.items()
+        }
         self._start = self._start_state()
         self.start_spread = np.full(model.nv, config.spread) if config.spread else None
         self.feedback = self._feedback()
@@ -224,7 +228,7 @@ class Robot(Task):
         names = quantities.names_in(model, "actuator")
         chosen = list(self.trained.commands) or names
         for i, name in enumerate(chosen):
-            told = self._mistake("commands", str(i))
+            told = self._mistake("commands", str(i)) if self.trained.commands else self._mistake("commands")
             if name not in names:
                 raise told(f"the model has no actuator {name}{nearest(name, names)}")
             if chosen.index(name) < i:
@@ -286,6 +290,12 @@ class Robot(Task):
                 there = nearest(config.keyframe, names) or quantities.none("keyframe")
                 raise self._mistake("keyframe")(f"the model has no keyframe {config.keyframe}{there}")
             key = names.index(config.keyframe)
+            written = len(read_model(self._path).keys[key].qpos)
+            if written not in (0, model.nq):  # MuJoCo fills up what is missing
+                raise self._mistake("keyframe")(
+                    f"{config.keyframe} has {written} positions, the model {model.nq}; correct its qpos in "
+                    "the MJCF file"
+                )
             qpos, qvel = np.array(model.key_qpos[key]), np.array(model.key_qvel[key])
         for name, value in config.start.items():
             self._place(qpos, name, value, self._mistake("start", name))
@@ -421,12 +431,12 @@ def task_name(file: Path) -> str:
 def page_digest(config: RobotConfig) -> str:
     """Of the files of the model, and of that of the evaluation."""
     folder = Path(config.file).parent
-    models = [config.model, config.evaluation.get("model")]
-    return "-".join(
-        digest_of(model_path(model, folder, lambda what: mistake(config, ("model",), what)))[:32]
-        for model in models
-        if model
-    )
+    path = model_path(config.model, folder, lambda what: mistake(config, ("model",), what))
+    paths = [path]
+    if "model" in config.evaluation:
+        there: Key = ("evaluation", "model")
+        paths.append(model_path(config.evaluation["model"], folder, lambda what: mistake(config, there, what)))
+    return "-".join(digest_of(path)[:32] for path in paths)
 
 
 def _labels(part: Measure) -> tuple[str, ...]:
@@ -435,12 +445,19 @@ def _labels(part: Measure) -> tuple[str, ...]:
 
 
 @lru_cache(maxsize=8)
-def _prepared(path: Path, digest: str, measures: tuple[Measure, ...], commanded: tuple[str, ...]) -> mujoco.MjModel:
+def _prepared(
+    path: Path,
+    digest: str,  # noqa: ARG001  # another one makes it another model
+    measures: tuple[Measure, ...] = (),
+    commanded: tuple[str, ...] | None = None,
+) -> mujoco.MjModel:
     """The model with sensors for what is measured, and without the actuators that are not commanded."""
-    spec = read_model(path, digest)
+    spec = read_model(path)
     quantities.add_sensors(spec, measures)
     others = [
-        actuator for i, actuator in enumerate(spec.actuators) if (actuator.name or f"actuator_{i}") not in commanded
+        actuator
+        for i, actuator in enumerate(spec.actuators)
+        if commanded is not None and (actuator.name or f"actuator_{i}") not in commanded
     ]
     for actuator in others:
         spec.delete(actuator)
