@@ -81,5 +81,6 @@ LEARNERS = Registry(
     {
         "episodic": "tltlrl.learning.reps:EpisodeBased",
         "step": "tltlrl.learning.reps:StepBased",
+        "cma": "tltlrl.learning.cma:CmaEs",
     },
 )

@@ -9,6 +9,7 @@ import yaml
 from tltlrl.cli import main as cli
 from tltlrl.config.compose import compose
 from tltlrl.config.read import read
+from tltlrl.experiments.experiment import changes
 
 EXAMPLE = Path(__file__).parents[2] / "examples/reacher"
 MODEL = """\
@@ -62,19 +63,21 @@ def test_from_a_model_to_trials(here, capsys):
     assert "success rate" in capsys.readouterr().out
 
     # The page may lie elsewhere, and is the same robot.
+    (run,) = read(compose(["task=arm.yaml", *BUDGET]))[0].runs()
     (here / "moved").mkdir()
     for name in ("arm.xml", "arm.yaml", "arm.tltl"):
-        shutil.move(here / name, here / "moved" / name)
-    assert cli.run(["task=moved/arm.yaml", *BUDGET]) == 0
-    assert "1 of 1 runs were done before and are kept" in capsys.readouterr().err
+        shutil.copy(here / name, here / "moved" / name)
+    study, _ = read(compose(["task=moved/arm.yaml", *BUDGET]))
+    assert study.runs()[0].identity() == run.identity()
+    assert not changes(config, study)
 
     # Another model is another robot.
-    (here / "moved/arm.xml").write_text(MODEL.replace('gear="5"', 'gear="6"'))
-    assert cli.run(["task=moved/arm.yaml", *BUDGET]) == 2
+    (here / "arm.xml").write_text(MODEL.replace('gear="5"', 'gear="6"'))
+    assert cli.run(["task=arm.yaml", *BUDGET]) == 2
     assert "holds results of another config:\n  task.digest: " in capsys.readouterr().err
     assert tltl("evaluate", "runs/arm/tltl_episodic/seed_0") == 2
     assert capsys.readouterr().err == (
-        "tltl: moved/arm.yaml:3: model: the model, or a file that it names, was changed since these results were made; "
+        "tltl: arm.yaml:3: model: the model, or a file that it names, was changed since these results were made; "
         "put it back as it was, or train again under another name=...\n"
     )
 
@@ -105,7 +108,8 @@ def test_mistakes_of_the_commands(here, capsys):
         assert message in capsys.readouterr().err
 
 
-def test_a_spec_to_begin_with_and_the_list_of_tasks(here, capsys):
+@pytest.mark.usefixtures("here")
+def test_a_spec_to_begin_with_and_the_list_of_tasks(capsys):
     assert tltl("new", "--task", "reach_avoid", "mine.tltl") == 0
     assert tltl("check", "mine.tltl") == 0
     capsys.readouterr()

@@ -5,7 +5,14 @@ import pandas as pd
 from tltlrl.config.compose import compose
 from tltlrl.config.read import read
 from tltlrl.logic.reasons import Reason, to_json
-from tltlrl.reports.report import bottleneck_lines, summary_page, trial_lines
+from tltlrl.reports.report import (
+    bottleneck_lines,
+    motion_lines,
+    outcome_lines,
+    summarise,
+    summary_page,
+    trial_lines,
+)
 
 LATE = Reason("`d < 0.2` in at_goal", 1, 199, 199, -0.5, -0.5)
 LATER = Reason("`d < 0.2` in at_goal", 1, 150, 150, -0.25, -0.25)
@@ -66,6 +73,32 @@ def test_the_first_satisfied_iteration_is_a_median_over_all_seeds():
     assert "| b | 3 of 3 | 0.500 (0.500 to 0.500) | never | 0.250 | 21 of 30 |" in lines
 
 
+def test_the_outcome_of_every_case_in_a_line():
+    rows = [("a", 0, 0.5, 7), ("a", 1, -0.25, 0), ("a", 2, 0.125, 10), ("b", 0, -1.0, 0)]
+    table = pd.DataFrame(
+        {"case": case, "seed": seed, "robustness_policy": value, "satisfied": value > 0, "trials": 10, "successes": n}
+        for case, seed, value, n in rows
+    )
+    assert outcome_lines(table) == [
+        "a: satisfied 2 of 3; robustness 0.125, -0.250 to 0.500; trials 17 of 30",
+        "b: satisfied 0 of 1; robustness -1.000; trials 0 of 10",
+    ]
+
+
+def test_of_enough_seeds_the_mean_has_its_interval():
+    table = pd.DataFrame(
+        {
+            "case": "a", "seed": seed, "robustness_policy": 0.5, "satisfied": True, "robustness_mean_last": seed + 1.0,
+            "first_satisfied_iteration": 3, "trials": 10, "successes": 7, "success_rate": 0.7,
+        }
+        for seed in range(6)
+    )  # fmt: skip
+    experiment, _ = read(compose(["experiment=reach_avoid"]))
+    page = summary_page(experiment, table, {})
+    assert "| robustness of samples, last iteration, mean (95 % t interval) |" in page
+    assert "| 3.500 (1.537 to 5.463) |" in page
+
+
 def summary(runs, **judged):
     return pd.DataFrame(
         {
@@ -74,3 +107,23 @@ def summary(runs, **judged):
         }
         for path, done in runs.items()
     )  # fmt: skip
+
+
+def test_how_policies_move_stands_in_the_summary_and_as_medians_in_the_report():
+    """Results of 0.1 have no measures, and a case without any has empty cells."""
+    results = finished(("a", 0, [], []), ("a", 1, [], []), ("b", 0, [], []))
+    for done in results.values():
+        done |= {"robustness_policy": 0.5, "outcomes": {}}
+    curves = pd.DataFrame(
+        {"task": "t", "case": case, "seed": seed, "iteration": 0, "robustness_policy": 0.5, "robustness_mean": 0.25}
+        for case, seed in (("a", 0), ("a", 1), ("b", 0))
+    )
+    assert motion_lines(summarise(curves, results)) == []
+    for done, length in zip(list(results.values())[:2], (2.0, 5.0), strict=True):
+        done["motion"] = {"path_length": length, "time_to_satisfaction": None}
+    table = summarise(curves, results)
+    assert list(table["path_length"].fillna(-1)) == [2.0, 5.0, -1.0]
+    lines = motion_lines(table)
+    assert lines[5:] == [
+        "| case | path length |", "|---|---|", "| a | 3.5 |", "| b |  |", "", "- path length: m, of the end-effector",
+    ]  # fmt: skip

@@ -9,7 +9,7 @@ import tltlrl
 from tltlrl.errors import UserError
 from tltlrl.registry import TASKS
 from tltlrl.tasks.planar_arm.scene import PlanarArm, PlanarArmConfig
-from tltlrl.tasks.task import Quantity
+from tltlrl.tasks.task import Joints, Quantity
 
 STEPS = 9
 ARM = PlanarArm(PlanarArmConfig(steps=STEPS))
@@ -167,6 +167,18 @@ def raising(*_):
             ["outcomes: done: an array of float64, where an array of bool is needed"],
         ),
         ({"outcomes": raising}, ["outcomes: it cannot be checked: KeyError: 'bread'"]),
+        (
+            {"joints": Joints(velocities="velocity", speeds="end_effector")},
+            [
+                "joints: features: no group velocity; did you mean velocities?",
+                "joints: commands: no group end_effector; there are: speeds",
+            ],
+        ),
+        (
+            {"joints": Joints(velocities="end_effector")},
+            ["joints: end_effector has 2 parts, angles 3"],
+        ),
+        ({"end_effector": "end_effect"}, ["end_effector: features: no group end_effect; did you mean end_effector?"]),
         ({"camera": "abov"}, ["camera: the model has no camera abov; did you mean above?"]),
         (
             {"skeleton": lambda features: features[..., :3]},

@@ -162,6 +162,34 @@ def test_a_damaged_checkpoint_starts_the_run_again(cases, tmp_path, monkeypatch,
     assert progress.read_bytes() == (tmp_path / "undisturbed" / "progress.csv").read_bytes()
 
 
+def files(folder):
+    return {name: (folder / name).read_bytes() for name in ("progress.csv", "policy.npz", "done.json")}
+
+
+@pytest.mark.parametrize("case", ["tltl_episodic", "continuous_step"])
+@pytest.mark.parametrize("what", ["whole", "killed before it went on", "without its last state", "other rows"])
+def test_given_more_iterations_a_finished_run_goes_on_to_the_same_bytes(cases, tmp_path, monkeypatch, case, what):
+    run = cases[case]
+    shorter = replace(run, algorithm=replace(run.algorithm, iterations=4))
+    train(run, tmp_path / "whole", lambda _: None)
+    folder, done = tmp_path / "grown", []
+    train(shorter, folder, lambda _: None)
+    assert session.shorter_run(run, folder) == shorter
+    assert session.shorter_run(shorter, folder) is None
+    if what == "killed before it went on":
+        monkeypatch.setattr(session, "_train", lambda *_: None)
+        train(run, folder, done.append)
+        monkeypatch.undo()
+    elif what == "without its last state":  # as results of an older version
+        (folder / "last.npz").unlink()
+    elif what == "other rows":
+        text = (folder / "progress.csv").read_text().replace("reach_avoid", "reach_avoit", 1)
+        (folder / "progress.csv").write_text(text)
+    train(run, folder, done.append)
+    assert done == ([5, 6] if what in ("whole", "killed before it went on") else [1, 2, 3, 4, 5, 6])
+    assert files(folder) == files(tmp_path / "whole")
+
+
 def test_a_finished_run_is_left_alone(cases, tmp_path):
     run = cases["tltl_episodic"]
     train(run, tmp_path, lambda _: None)
@@ -296,3 +324,17 @@ def test_mistakes_in_the_second_stage_are_told_before_anything_runs(refine, mess
 def test_basis_functions_do_not_go_with_rewards_of_single_steps():
     with pytest.raises(UserError, match=r"algorithm\.basis: continuous_step learns from the rewards of single steps"):
         runs("cases=[continuous_step]", "algorithm.basis=5")
+
+
+@pytest.mark.parametrize("unit", [1e-3, 40.0, 1e3])
+def test_with_normalised_predicates_the_unit_of_one_leaves_the_learned_policy_the_same(tmp_path, unit):
+    text = "signal ee[2]\nconst c = 1\nspec: F c * distance(ee, (1.5, 1)) < c * 0.2 & G ee.y > 0.1\n"
+    means = []
+    for c in (1.0, unit):
+        (tmp_path / "task.tltl").write_text(text)
+        overrides = (f"spec={tmp_path / 'task.tltl'}", f"+constants.c={c}", "algorithm.normalise=true")
+        run = runs("cases=[tltl_episodic]", *overrides)["tltl_episodic"]
+        train(run, tmp_path / str(c), lambda _: None)
+        means.append(learned_policy(tmp_path / str(c)).mean)
+        assert json.loads((tmp_path / str(c) / "done.json").read_text())["robustness_policy"] < 0  # in its own units
+    np.testing.assert_allclose(means[1], means[0], atol=1e-6)

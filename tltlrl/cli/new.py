@@ -1,31 +1,25 @@
-"""`tltl new MODEL.xml`: a page and a spec for a robot of one's own; with --task a spec for a task that is there."""
+"""`tltl new MODEL.xml`: a page and a spec for a robot of one's own; with --task a spec for a task that is there.
+
+tltl new arm.xml                            looks at a model; writes arm.yaml and arm.tltl into this folder
+tltl new --task reach_avoid mine.tltl       writes a spec to begin with
+"""
 
 from __future__ import annotations
 
-from argparse import Namespace, RawDescriptionHelpFormatter
+from argparse import ArgumentParser, Namespace
 from pathlib import Path
-from typing import Any
 
 from tltlrl.errors import UserError
 
-EXAMPLES = """\
-  tltl new arm.xml                            looks at a model; writes arm.yaml and arm.tltl into this folder
-  tltl new --task reach_avoid mine.tltl       writes a spec to begin with
-"""
 
-
-def add_parser(subparsers: Any, about: str) -> None:
-    """Adds `new` to a parser's sub-commands."""
-    parser = subparsers.add_parser(
-        "new", help=about, description=__doc__, epilog=EXAMPLES, formatter_class=RawDescriptionHelpFormatter
-    )
+def add_arguments(parser: ArgumentParser) -> None:
+    """Adds the arguments of `tltl new`."""
     parser.add_argument("file", metavar="FILE", help="an MJCF file; with --task the .tltl file to be written")
     parser.add_argument("--task", metavar="NAME", help="a task by its name; tltl tasks lists them")
-    parser.set_defaults(command=new)
 
 
-def new(arguments: Namespace) -> int:
-    """The sub-command; returns its exit code.
+def run(arguments: Namespace) -> int:
+    """The command; returns its exit code.
 
     Raises:
       UserError: if there is no such model or task, or a file is there already.

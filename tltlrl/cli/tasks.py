@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
-from argparse import Namespace
-from typing import Any
+from argparse import ArgumentParser, Namespace
+from pathlib import Path
 
 import numpy as np
 
+from tltlrl.errors import UserError
 
-def add_parser(subparsers: Any, about: str) -> None:
-    """Adds `tasks` to a parser's sub-commands."""
-    parser = subparsers.add_parser("tasks", help=about, description=__doc__)
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Adds the arguments of `tltl tasks`."""
     parser.add_argument("task", metavar="NAME|FILE", nargs="?", help="a task by its name, or the page of a robot")
-    parser.set_defaults(command=tasks)
+    parser.add_argument("--picture", type=Path, metavar="FILE.png", help="the scene at the start, with its axes")
 
 
-def tasks(arguments: Namespace) -> int:
-    """The sub-command; returns its exit code.
+def run(arguments: Namespace) -> int:
+    """The command; returns its exit code.
 
     Raises:
       UserError: if there is no such task, or something is wrong with a page.
     """
+    if arguments.picture is not None and (arguments.task is None or arguments.picture.suffix != ".png"):
+        raise UserError(
+            "--picture FILE.png: it shows the scene of one task; give its name, and a file that ends in .png"
+        )
     if arguments.task is None:
         print(_all())
         return 0
@@ -44,6 +49,11 @@ def tasks(arguments: Namespace) -> int:
         unit = task.units.get(name, "")
         spans = ", ".join(f"{least:.3g} to {most:.3g}" for least, most in zip(low, high, strict=True))
         print(f"  {name + size:<16} {unit:<14} {spans}")
+    if arguments.picture is not None:
+        from tltlrl.reports.video import render_start
+
+        render_start(task, arguments.picture)
+        print(f"{arguments.picture}: the scene at the start, the x axis red, y green, z blue")
     return 0
 
 

@@ -18,7 +18,7 @@ from tltlrl.errors import UserError
 from tltlrl.resources import spec_path
 from tltlrl.store.files import digest
 from tltlrl.store.layout import SPECS
-from tltlrl.training.study import Study
+from tltlrl.training.study import Study, with_later
 
 CONTENT = {
     "command", "started", "ended", "python", "packages", "git", "platform", "cpu", "specs", "config", "later_sessions",
@@ -64,7 +64,7 @@ def manifest(study: Study, before: Mapping[str, Any] | None, session: Mapping[st
 def read_manifest(path: Path) -> dict[str, Any] | None:
     """manifest.json as it is; None if there is none, or none that was written whole."""
     try:
-        content = json.loads(path.read_text())
+        content = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
     whole = (
@@ -96,7 +96,7 @@ def settings_in(path: Path) -> dict[str, Any]:
         raise UserError(
             f"{path}: {'not' if path.exists() else 'there is no such file; give'} the manifest.json of an experiment"
         )
-    settings = content["config"] | machinery_defaults() | {"runs_dir": str(path.resolve().parent.parent)}
+    settings = with_later(content["config"]) | machinery_defaults() | {"runs_dir": str(path.resolve().parent.parent)}
     ((name, expected),) = content["specs"].items()
     try:
         text = spec_path(settings["spec"]).read_bytes().decode("utf-8-sig")
@@ -135,7 +135,7 @@ def _git() -> dict[str, Any] | None:
 
 def _cpu() -> str:
     try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
         return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
     except (OSError, StopIteration):
         return platform.processor()

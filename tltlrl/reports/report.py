@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +11,12 @@ import pandas as pd
 from scipy.stats import binomtest
 
 from tltlrl.logic.reasons import from_json, merge
-from tltlrl.reports.plotting import FORMATS, plot_learning_curves
+from tltlrl.reports.interval import FEWEST, LEVEL, Array, mean_interval
+from tltlrl.reports.plotting import FORMATS, plot_learning_curves, titled
+from tltlrl.simulation.motion import MEASURES
 from tltlrl.store.files import write_text
 from tltlrl.store.layout import CURVES, FIGURE, PROGRESS, REPORT, SUMMARY, SUMMARY_PAGE, WORKSPACE, run_of
+from tltlrl.store.run import joined
 from tltlrl.tasks.task import Task
 from tltlrl.training.build import make_task
 from tltlrl.training.study import Study
@@ -23,7 +24,7 @@ from tltlrl.training.study import Study
 
 def write_report(
     folder: Path, study: Study, finished: Mapping[Path, Mapping[str, Any]], failures: Mapping[str, str]
-) -> None:
+) -> list[str]:
     """Writes every table and figure from the finished runs' files; what failed is listed.
 
     If no run has finished, tables and figures of an earlier time, whose runs are there no more, are deleted.
@@ -33,31 +34,24 @@ def write_report(
       study: what was asked for.
       finished: folder of a run => its results, in the order of the tables.
       failures: run => message.
+
+    Returns:
+      What came out, in a few lines.
     """
     if not finished:
         for name in (CURVES, SUMMARY, REPORT, *(f"{FIGURE}{suffix}" for suffix in FORMATS)):
             (folder / name).unlink(missing_ok=True)
         lines = [f"# {study.name}", "", "No run has finished.", *_failure_lines(failures)]
         write_text(folder / SUMMARY_PAGE, "\n".join(lines) + "\n")
-        return
-    write_text(folder / CURVES, joined([(path / PROGRESS).read_text() for path in finished]))
+        return ["no run has finished"]
+    write_text(folder / CURVES, joined([(path / PROGRESS).read_text(encoding="utf-8") for path in finished]))
     curves = pd.read_csv(folder / CURVES)
     summary = summarise(curves, finished)
     write_text(folder / SUMMARY, summary.to_csv(index=False, lineterminator="\n"))
     write_text(folder / SUMMARY_PAGE, summary_page(study, summary, failures))
     write_text(folder / REPORT, report_page(study, summary, finished, failures))
-    plot_learning_curves([curves], folder / FIGURE)
-
-
-def joined(tables: Sequence[str]) -> str:
-    """CSV texts as one: a column that some do not have, as another learner's diagnostics, is empty in their rows."""
-    rows = [row for table in tables for row in csv.DictReader(io.StringIO(table))]
-    columns = dict.fromkeys(name for table in tables for name in table.split("\n", 1)[0].split(","))
-    text = io.StringIO()
-    writer = csv.DictWriter(text, columns, restval="", lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()
+    plot_learning_curves(titled([folder], [curves]), folder / FIGURE)
+    return [*outcome_lines(summary), f"report: {folder / REPORT}"]
 
 
 def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) -> pd.DataFrame:
@@ -83,18 +77,34 @@ def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) 
                 "first_satisfied_iteration": satisfied.iloc[0] if len(satisfied) else None,
                 "robustness_mean_last": run["robustness_mean"].iloc[-1],
                 "robustness_mean_over_run": run["robustness_mean"].mean(),
+                **{name: done.get("motion", {}).get(name) for name in MEASURES},  # results of 0.1 have none
                 "trials": done["trials"],
                 "successes": done["successes"],
                 "success_rate": done["successes"] / done["trials"],
                 **done["outcomes"],
             }
         )
-    return pd.DataFrame(rows).astype({"first_satisfied_iteration": "Int64"})
+    return pd.DataFrame(rows).astype({"first_satisfied_iteration": "Int64"} | dict.fromkeys(MEASURES, "float64"))
+
+
+def outcome_lines(summary: pd.DataFrame) -> list[str]:
+    """What came out, one line per case; of several seeds the median robustness, with the lowest and the highest."""
+    lines = []
+    for case, rows in summary.groupby("case", sort=False):
+        policy = rows["robustness_policy"]
+        spread = f", {policy.min():.3f} to {policy.max():.3f}" if len(rows) > 1 else ""
+        lines.append(
+            f"{case}: satisfied {rows['satisfied'].sum()} of {len(rows)}; robustness {policy.median():.3f}{spread}; "
+            f"trials {rows['successes'].sum()} of {rows['trials'].sum()}"
+        )
+    return lines
 
 
 def summary_page(study: Study, summary: pd.DataFrame, failures: Mapping[str, str]) -> str:
     """summary.md: one line per case."""
     judged = _judged(summary)
+    enough = summary["seed"].nunique() >= FEWEST
+    interval = f" ({100 * LEVEL:.0f} % t interval)" if enough else ""
     lines = [
         f"# {study.name}",
         "",
@@ -103,7 +113,7 @@ def summary_page(study: Study, summary: pd.DataFrame, failures: Mapping[str, str
         "Robustness is that of the spec for every case, whatever it was trained on; above 0 the spec is satisfied.",
         "",
         "| case | satisfied | robustness of the mean policy, median (min to max) | first satisfied iteration, median "
-        "| robustness of samples, last iteration | successful trials |"
+        f"| robustness of samples, last iteration, mean{interval} | successful trials |"
         + "".join(f" trials with {name.replace('_', ' ')} |" for name in judged),
         "|---|---|---|---|---|---|" + "---|" * len(judged),
     ]
@@ -114,7 +124,7 @@ def summary_page(study: Study, summary: pd.DataFrame, failures: Mapping[str, str
             f"| {case} | {rows['satisfied'].sum()} of {len(rows)} "
             f"| {policy.median():.3f} ({policy.min():.3f} to {policy.max():.3f}) "
             f"| {f'{first:.0f}' if np.isfinite(first) else 'never'} "
-            f"| {rows['robustness_mean_last'].mean():.3f} "
+            f"| {_mean(rows['robustness_mean_last'].to_numpy())} "
             f"| {rows['successes'].sum()} of {rows['trials'].sum()} |"
             + "".join(f" {rows[name].sum()} of {rows['trials'].sum()} |" for name in judged)
         )
@@ -134,6 +144,7 @@ def report_page(
         f"![Learning curves]({FIGURE}.png)",
         *bottleneck_lines(finished, task.control_timestep),
         *picture_lines(task, finished),
+        *motion_lines(summary),
         *trial_lines(summary, finished, task.control_timestep),
         "",
         "## Settings",
@@ -156,6 +167,26 @@ def picture_lines(task: Task, finished: Mapping[Path, Mapping[str, Any]]) -> lis
         "",
         *(f"![{case}]({case}/{WORKSPACE}.png)" for case in cases),
     ]
+
+
+def motion_lines(summary: pd.DataFrame) -> list[str]:
+    """How the learned policies move: of every case the median of each measure over the seeds."""
+    known = [name for name in MEASURES if summary[name].notna().any()]
+    if not known:
+        return []
+    lines = [
+        "",
+        "## How the learned policies move",
+        "",
+        "Of the noise-free motion of the mean policy, the median over the seeds.",
+        "",
+        "| case |" + "".join(f" {name.replace('_', ' ').replace('rms', 'RMS')} |" for name in known),
+        "|---" * (1 + len(known)) + "|",
+    ]
+    for case, rows in summary.groupby("case", sort=False):
+        medians = (rows[name].median() for name in known)
+        lines.append(f"| {case} |" + "".join(f" {value:.3g} |" if np.isfinite(value) else "  |" for value in medians))
+    return [*lines, "", *(f"- {name.replace('_', ' ').replace('rms', 'RMS')}: {MEASURES[name]}" for name in known)]
 
 
 def trial_lines(summary: pd.DataFrame, finished: Mapping[Path, Mapping[str, Any]], timestep: float) -> list[str]:
@@ -205,6 +236,12 @@ HOW_DECIDED = (
 def _judged(summary: pd.DataFrame) -> list[str]:
     """What the task judges of a trial besides the spec."""
     return list(summary.columns[list(summary.columns).index("success_rate") + 1 :])
+
+
+def _mean(values: Array) -> str:
+    """With its interval, where there are enough values for one."""
+    low, high = mean_interval(values)
+    return f"{values.mean():.3f}" + (f" ({low:.3f} to {high:.3f})" if np.isfinite(low) else "")
 
 
 def _rate(successes: Any, count: Any) -> str:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tltlrl.errors import UserError, nearest
-from tltlrl.simulation.rollout import Simulator, Trajectories
+from tltlrl.simulation.rollout import Simulator, Trajectories, substeps
 from tltlrl.tasks.environment import environment
 from tltlrl.tasks.task import MOST_STEPS, Quantity, Task
 
@@ -147,12 +147,10 @@ def _make_physics(task: Task) -> Iterator[str]:
     model = task.make_physics().model.ptr
     if model.nu != _commands(task):
         yield f"the model has {model.nu} actuators, the task {_commands(task)} commands"
-    substeps = task.control_timestep / model.opt.timestep
-    if round(substeps) < 1 or abs(substeps - round(substeps)) > 1e-6:
-        yield (
-            f"the control timestep of {task.control_timestep} s is no multiple of the model's, "
-            f"{model.opt.timestep} s; change one of them"
-        )
+    try:
+        substeps(task, model.opt.timestep)
+    except UserError as error:
+        yield str(error)
 
 
 def _initial_state(task: Task) -> Iterator[str]:
@@ -268,6 +266,24 @@ def _skeleton(task: Task) -> Iterator[str]:
         yield from _array(points, (task.steps, *np.shape(points)[1:2], 2))
 
 
+def _joints(task: Task) -> Iterator[str]:
+    if (joints := task.joints) is None:
+        return
+    features = {group.name: len(group.parts) for group in task.observation}
+    commands = {group.name: len(group.parts) for group in task.action}
+    named = ((joints.angles, features), (joints.velocities, features), (joints.speeds, commands))
+    for name, groups in named:
+        if name not in groups:
+            yield f"{'features' if groups is features else 'commands'}: no group {name}{nearest(name, groups)}"
+        elif groups[name] != features.get(joints.angles, groups[name]):
+            yield f"{name} has {groups[name]} parts, {joints.angles} {features[joints.angles]}"
+
+
+def _end_effector(task: Task) -> Iterator[str]:
+    if task.end_effector is not None and task.end_effector not in task.slices:
+        yield f"features: no group {task.end_effector}{nearest(task.end_effector, task.slices)}"
+
+
 # How it moves
 
 
@@ -339,6 +355,8 @@ STAGES: tuple[dict[str, Rule], ...] = (
         "outcomes": _outcomes,
         "camera": _camera,
         "skeleton": _skeleton,
+        "joints": _joints,
+        "end_effector": _end_effector,
     },
     {"stepping": _stepping, "repeatable": _repeatable},
 )

@@ -13,11 +13,29 @@ import mujoco.rollout
 import numpy as np
 from numpy.typing import NDArray
 
+from tltlrl.errors import UserError
 from tltlrl.tasks.task import Task, draw_command_noise, draw_starts
 
 Array = NDArray[np.float64]
-LARGEST = 1e10  # MuJoCo's own bound: a simulation beyond it has diverged
+HUGE = mujoco.mjMAXVAL  # of a position, velocity or control; MuJoCo would reset the one and leave out the other
+ROUNDING = 1e-6  # of a quotient of times
 mujoco.set_mju_user_warning(lambda _: None)  # a rollout says so itself; MuJoCo would leave a file where the user works
+
+
+def substeps(task: Task, timestep: float) -> int:
+    """Steps of the model, of `timestep` seconds each, in one control step.
+
+    Raises:
+      UserError: if that is no whole number.
+    """
+    quotient = task.control_timestep / timestep
+    count = round(quotient)
+    if count < 1 or abs(quotient - count) > ROUNDING:
+        raise UserError(
+            f"the control timestep of {task.control_timestep} s is no multiple of the model's, {timestep} s; change "
+            "one of them"
+        )
+    return count
 
 
 @dataclass(frozen=True)
@@ -46,18 +64,17 @@ class Simulator:
         self._task = task
         self._physics = task.make_physics()
         self._model = self._physics.model.ptr
-        # A simulation that diverges is told, and does not begin anew from somewhere in the middle of an episode.
-        self._model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         self._data = mujoco.MjData(self._model)
         self._rollout = mujoco.rollout.Rollout(nthread=0)
-        self._substeps = round(task.control_timestep / self._model.opt.timestep)
+        self._substeps = substeps(task, self._model.opt.timestep)
+        self._model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # what diverges is seen to diverge
         qpos, qvel = task.initial_state()
         self._data.qpos[:], self._data.qvel[:] = qpos, qvel
         self._start = np.empty(mujoco.mj_stateSize(self._model, mujoco.mjtState.mjSTATE_FULLPHYSICS.value))
         mujoco.mj_getState(self._model, self._data, self._start, mujoco.mjtState.mjSTATE_FULLPHYSICS.value)
-        self._late = np.repeat(
+        self._of_forces = np.repeat(
             self._model.sensor_needstage == mujoco.mjtStage.mjSTAGE_ACC.value, self._model.sensor_dim
-        )  # of sensordata: what a step says of the accelerations in it
+        )  # of sensordata: what a step says of the forces and accelerations in it
 
     @property
     def command_range(self) -> tuple[Array, Array]:
@@ -83,26 +100,27 @@ class Simulator:
           gain: K, shape (d, n).
           offsets: k_t + exploration noise, shape (N, T, d), in the commands' unit.
           command_noise: what the actuators add, shape (N, T, d), in the commands' unit.
-          starts: how far each trajectory starts from the task's start, shape (N, nv), rad or m.
+          starts: how far trajectories start from the task's start, shape (M, nv), rad or m, for the first M of them.
 
         Raises:
           FloatingPointError: if the simulation diverged, naming the first trajectory and step that did.
         """
-        task, substeps = self._task, self._substeps
+        task, count = self._task, self._substeps
         n, steps, d = offsets.shape
         nq, nv = self._model.nq, self._model.nv
         features = np.empty((steps, n, task.width))
         commands = offsets.transpose(1, 0, 2).copy()  # the caller's stay as they are
         noise = np.ascontiguousarray(command_noise.transpose(1, 0, 2))
         state = self._starts(n, starts)
-        control = np.empty((n, substeps, d))
-        states = np.empty((n, substeps, self._start.size))
-        sensors = np.empty((n, substeps, self._model.nsensordata))
+        control = np.empty((n, count, d))
+        states = np.empty((n, count, self._start.size))
+        sensors = np.empty((n, count, self._model.nsensordata))
         models, data = [self._model] * n, [self._data]
+        sound = np.ones((steps, n), dtype=np.bool_)
         sensed, known = task.sensed, task.width
         if sensed is not None:
-            late = self._at_start(state)
-            known -= sensed(late).shape[1]
+            forces = self._at_start(state)
+            known -= sensed(forces).shape[1]
         transposed_gain = np.ascontiguousarray(gain[:, :known].T)
         for t in range(steps):
             last = t + 1 == steps
@@ -116,31 +134,34 @@ class Simulator:
                 data,
                 state,
                 control,
-                nstep=substeps,
+                nstep=count,
                 skip_checks=True,
                 state=states,
                 sensordata=sensors,
             )
             if sensed is not None:
-                # What the first physics step says belongs to the sample it began at, but for accelerations.
-                features[t, :, known:] = sensed(np.where(self._late, late, sensors[:, 0]))
-                late = sensors[:, -1].copy()
+                # What the first physics step says belongs to the sample it began at, but for forces.
+                features[t, :, known:] = sensed(np.where(self._of_forces, forces, sensors[:, 0]))
+                forces = sensors[:, -1].copy()
             if last:
                 break  # that step was for the sensors
             state[:] = states[:, -1]
+            # MuJoCo leaves out the rest of a control step in which something went wrong, and a control that is huge.
+            late = np.abs(state[:, 0] - self._start[0] - (t + 1) * task.control_timestep) > ROUNDING * (t + 1)
+            sound[t + 1] = (np.abs(state) < HUGE).all(axis=1) & (np.abs(control[:, 0]) < HUGE).all(axis=1) & ~late
         # Whoever ended early was simulated to the end all the same, and is cut here.
         ended = task.terminated(features.reshape(steps * n, -1)).reshape(steps, n)
         lengths = np.where(ended.any(axis=0), ended.argmax(axis=0) + 1, steps)
         for i in np.flatnonzero(lengths < steps):
             features[lengths[i] :, i] = features[lengths[i] - 1, i]
-        finite = (np.abs(features) < LARGEST).all(axis=2) & np.isfinite(commands).all(axis=2)
-        wrong = ~finite & (np.arange(steps)[:, None] < lengths)
+        finite = np.isfinite(features).all(axis=2) & np.isfinite(commands).all(axis=2)
+        wrong = ~(finite & sound) & (np.arange(steps)[:, None] < lengths)
         if wrong.any():
             t, i = np.argwhere(wrong)[0]
             raise FloatingPointError(
-                f"the simulation of {task.name} diverged: trajectory {i}, step {t} ({t * task.control_timestep:.3g} s)"
-                "; a smaller timestep of the model, more damping or armature in its joints, or less exploration "
-                "(algorithm.initial_std) usually helps"
+                f"the simulation of {task.name} diverged: trajectory {i}, step {t}, "
+                f"{t * task.control_timestep:.3g} s; a smaller timestep of the model, more damping or armature in its "
+                "joints, or less exploration (algorithm.initial_std) usually helps"
             )
         return Trajectories(
             features.transpose(1, 0, 2),
@@ -155,7 +176,7 @@ class Simulator:
         state = np.tile(self._start, (count, 1))
         if starts is not None:
             nq = self._model.nq
-            for row, push in zip(state, starts, strict=True):
+            for row, push in zip(state[: len(starts)], starts, strict=True):
                 qpos = row[1 : 1 + nq].copy()
                 mujoco.mj_integratePos(self._model, qpos, push, 1.0)
                 row[1 : 1 + nq] = qpos

@@ -21,12 +21,13 @@ CURVES, SUMMARY, SUMMARY_PAGE, REPORT, FIGURE = (
 # Of a case.
 WORKSPACE = "workspace"
 # Of a run.
-PROGRESS, TIMING, POLICY, DONE, CHECKPOINT = (
+PROGRESS, TIMING, POLICY, DONE, CHECKPOINT, LAST = (
     "progress.csv",
     "timing.csv",
     "policy.npz",
     "done.json",
     "checkpoint.npz",
+    "last.npz",
 )
 # Of a search.
 SEARCH, JOURNAL, TRIALS = "search.yaml", "journal.log", "trials.csv"

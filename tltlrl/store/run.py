@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tltlrl.store.files import digest, read_arrays, write_arrays, write_json
-from tltlrl.store.layout import CHECKPOINT, DONE, POLICY, PROGRESS, TIMING
+from tltlrl.store.layout import CHECKPOINT, DONE, LAST, POLICY, PROGRESS, TIMING, run_of
 
 SEAL, RUN = "sha256", "run"  # keys of done.json
 STATE = "state."  # before the names of the learner's arrays in checkpoint.npz
@@ -52,7 +54,7 @@ def write_results(
     """
     write_arrays(folder / POLICY, **policy)
     write_json(folder / DONE, {**results, SEAL: _seals(folder, identity, results)})
-    drop_checkpoint(folder)
+    shelve_checkpoint(folder)
 
 
 def read_results(folder: Path, identity: str) -> dict[str, Any] | None:
@@ -106,7 +108,7 @@ def read_policy(folder: Path) -> dict[str, NDArray[np.generic]]:
 
 def write_checkpoint(folder: Path, identity: str, checkpoint: Checkpoint) -> None:
     """checkpoint.npz, sealed together with the rows of progress.csv so far, which must be in the file."""
-    rows = (folder / PROGRESS).read_bytes()
+    rows = first_rows(folder / PROGRESS, checkpoint.iteration)
     state = {f"{STATE}{name}": array for name, array in checkpoint.state.items()}
     write_arrays(
         folder / CHECKPOINT,
@@ -117,16 +119,20 @@ def write_checkpoint(folder: Path, identity: str, checkpoint: Checkpoint) -> Non
     )
 
 
-def read_checkpoint(folder: Path, identity: str) -> Checkpoint | None:
-    """Where an unfinished run is resumed; None if it starts from the beginning.
+def read_checkpoint(folder: Path, identity: str, name: str = CHECKPOINT) -> Checkpoint | None:
+    """Where a run is resumed; None if it starts from the beginning.
+
+    Args:
+      folder, identity: of the run.
+      name: of the file; `LAST` for where a finished run goes on if it is given more iterations.
 
     Raises:
       DamagedError: if there is a checkpoint that a run cannot be resumed from.
     """
-    if not (folder / CHECKPOINT).exists():
+    if not (folder / name).exists():
         return None
     try:
-        saved = read_arrays(folder / CHECKPOINT)
+        saved = read_arrays(folder / name)
         iteration = int(saved["iteration"])
         state = {name.removeprefix(STATE): array for name, array in saved.items() if name.startswith(STATE)}
         rows = first_rows(folder / PROGRESS, iteration)
@@ -135,7 +141,21 @@ def read_checkpoint(folder: Path, identity: str) -> Checkpoint | None:
             raise ValueError(f"the rows of {PROGRESS} are not those it was written with")
         return Checkpoint(iteration, int(saved["env_steps"]), state)
     except UNREADABLE as error:
-        raise DamagedError(f"a run cannot be resumed from its {CHECKPOINT} ({error})") from error
+        raise DamagedError(f"a run cannot be resumed from its {name} ({error})") from error
+
+
+def shelve_checkpoint(folder: Path) -> None:
+    """A finished run keeps its last checkpoint under another name, in case it is given more iterations."""
+    if (folder / CHECKPOINT).exists():
+        (folder / CHECKPOINT).replace(folder / LAST)
+
+
+def iterations_done(folder: Path) -> int | None:
+    """Of a finished run; None if it is not finished, or done.json cannot be read."""
+    try:
+        return int(json.loads((folder / DONE).read_text(encoding="utf-8"))["iterations"])
+    except UNREADABLE:
+        return None
 
 
 def drop_checkpoint(folder: Path) -> None:
@@ -153,3 +173,35 @@ def first_rows(path: Path, count: int) -> bytes:
     if len(lines) <= count:
         raise ValueError(f"{path.name} has fewer rows")
     return b"".join(lines[: count + 1])
+
+
+def going_on(folder: Path) -> list[Path]:
+    """The folders of all runs of an experiment that have begun, if one of them has not ended; else none."""
+    begun = sorted((path.parent for path in folder.glob(f"*/seed_*/{PROGRESS}")), key=run_of)
+    return begun if any(not (run / DONE).exists() for run in begun) else []
+
+
+def robustness_so_far(folder: Path) -> float | None:
+    """Of the mean policy, in the last row that the run has written; None if it has written none."""
+    try:
+        rows = list(csv.DictReader(io.StringIO(whole_lines(folder / PROGRESS))))
+        return float(rows[-1]["robustness_policy"])
+    except (OSError, ValueError, KeyError, IndexError):
+        return None
+
+
+def whole_lines(path: Path) -> str:
+    """A CSV file that may just be written to, without the line that is not whole yet."""
+    text, end, _ = path.read_text(encoding="utf-8").rpartition("\n")
+    return text + end
+
+
+def joined(tables: Sequence[str]) -> str:
+    """CSV texts as one: a column that some do not have, as another learner's diagnostics, is empty in their rows."""
+    rows = [row for table in tables for row in csv.DictReader(io.StringIO(table))]
+    columns = dict.fromkeys(name for table in tables for name in table.split("\n", 1)[0].split(","))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()

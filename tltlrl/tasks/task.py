@@ -7,7 +7,7 @@ Training steps the physics model in batches (`tltlrl.simulation.rollout`); `dm_e
 from __future__ import annotations
 
 import abc
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
@@ -58,6 +58,20 @@ class Quantity:
     parts: tuple[str, ...]
 
 
+@dataclass(frozen=True)
+class Joints:
+    """By what names a task speaks of its joints; all three groups have one part per joint, in the same order.
+
+    Attributes:
+      angles, velocities: groups of features, rad and rad/s.
+      speeds: the group of commands that the velocities follow, rad/s.
+    """
+
+    angles: str = "angles"
+    velocities: str = "velocities"
+    speeds: str = "speeds"
+
+
 class Task(abc.ABC):
     """A robot, its start, its features s_t (`observation`), its commands u_t (`action`) and its signals.
 
@@ -81,6 +95,8 @@ class Task(abc.ABC):
       camera: of the model, for films.
       skeleton: features (..., n) => points (..., P, 2), m: the robot as a polyline from its base to its end-effector,
         for pictures of the plane.
+      joints: the names of what moves, for measures of motion and for calm motions.
+      end_effector: the group of features that is its position, m, for the length of its path.
     """
 
     name: str
@@ -96,15 +112,18 @@ class Task(abc.ABC):
     units: Mapping[str, str] = MappingProxyType({})
     camera: str | None = None
     skeleton: Callable[[Array], Array] | None = None
+    joints: Joints | None = None
+    end_effector: str | None = None
 
     @cached_property
     def slices(self) -> Mapping[str, slice]:
         """Where each group of features lies: `features[..., task.slices["velocities"]]`."""
-        ends = np.cumsum([len(group.parts) for group in self.observation])
-        return {
-            group.name: slice(int(end) - len(group.parts), int(end))
-            for group, end in zip(self.observation, ends, strict=True)
-        }
+        return _spans(self.observation)
+
+    @cached_property
+    def command_slices(self) -> Mapping[str, slice]:
+        """Where each group of commands lies."""
+        return _spans(self.action)
 
     @property
     def width(self) -> int:
@@ -141,6 +160,11 @@ class Task(abc.ABC):
     def outcomes(self, last_qpos: Array, last_qvel: Array) -> dict[str, NDArray[np.bool_]]:  # noqa: ARG002
         """What can be judged of trials by other means than the spec, from their last states (N, nq) and (N, nv)."""
         return {}
+
+
+def _spans(groups: Sequence[Quantity]) -> dict[str, slice]:
+    ends = np.cumsum([len(group.parts) for group in groups])
+    return {group.name: slice(int(end) - len(group.parts), int(end)) for group, end in zip(groups, ends, strict=True)}
 
 
 def draw_command_noise(task: Task, shape: tuple[int, ...], rng: np.random.Generator | np.random.RandomState) -> Array:
@@ -200,6 +224,6 @@ def required_constants(constants: Mapping[str, Any], **kinds: type) -> list[Any]
     if missing:
         raise UserError(
             f"spec: the hand-made rewards need its constants {', '.join(missing)}; it has "
-            f"{', '.join(constants) or 'none'}. Define them, or train on the spec alone: cases=[tltl_episodic]"
+            f"{', '.join(constants) or 'none'}. Define them, or train on the spec alone: cases=tltl_episodic"
         )
     return [constants[name] for name in kinds]

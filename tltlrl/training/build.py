@@ -36,12 +36,42 @@ class Setup:
       simulator: of that task.
       reward: the hand-made reward it is trained on; None for the spec's robustness.
       learner: what improves the policy.
+      told: the spec whose values the learner is told: the run's own, or that one with its predicates normalised.
     """
 
     task: Task
     simulator: Simulator
     reward: StepReward | None
     learner: Learner[Any]
+    told: Spec
+
+
+@dataclass(frozen=True)
+class Samples:
+    """What is simulated in one iteration.
+
+    Attributes:
+      policy: that the offsets were drawn from.
+      offsets: of the N samples and, last, those of the mean policy, shape (N + 1, T, d).
+      noise: of the actuators, likewise; none for the mean policy.
+      starts: of the N samples, how far they start from the task's start, shape (N, nv); None where all start there.
+    """
+
+    policy: Policy
+    offsets: Array
+    noise: Array
+    starts: Array | None
+
+
+def draw(run: Run, learner: Learner[Any], simulator: Simulator, state: Any, iteration: int) -> Samples:
+    """The samples of an iteration; they depend on its number, the seed and the learner's state alone."""
+    rng = np.random.default_rng([run.seed, iteration])
+    policy = learner.policy(state)
+    offsets = np.concatenate([learner.ask(state, run.algorithm.samples, rng), policy.mean[None]])
+    noise = np.concatenate(
+        [simulator.draw_command_noise(run.algorithm.samples, rng), np.zeros((1, *policy.mean.shape))]
+    )
+    return Samples(policy, offsets, noise, simulator.draw_starts(run.algorithm.samples, rng))
 
 
 def set_up(run: Run) -> Setup:
@@ -51,7 +81,13 @@ def set_up(run: Run) -> Setup:
       UserError: if the spec lacks what the hand-made reward needs, or the learner's settings do not fit.
     """
     task = make_task(run.task)
-    return Setup(task, Simulator(task), make_reward(run), make_learner(run, run.stage(0)))
+    simulator, learner = Simulator(task), make_learner(run, run.stage(0))
+    told = run.spec
+    if run.algorithm.normalise:
+        drawn = draw(run, learner, simulator, learner.start(first_policy(task, run.algorithm)), 0)
+        motions = simulator.rollout(drawn.policy.gain, drawn.offsets, drawn.noise, drawn.starts)
+        told = told.normalised(task.signals(motions.features, motions.commands), motions.lengths)
+    return Setup(task, simulator, make_reward(run), learner, told)
 
 
 def make_task(config: Any) -> Task:
@@ -156,22 +192,27 @@ def check(study: Study) -> None:
     task = make_task(study.task)
     for run in first.values():
         for stage in filter(None, (run.stage(0), run.refine)):
-            make_learner(run, stage)
-            first_policy(task, stage.algorithm)
+            make_learner(run, stage).start(first_policy(task, stage.algorithm))
         make_reward(run)
     _check_signals(study.spec, task)
-    task.make_physics()
+    Simulator(task)
     if study.task.name in TASKS.described:  # a stranger's model
         ranges_seen(task, np.random.default_rng(0))
         make_evaluation_task(study.task)
 
 
+def cut_windows(study: Study) -> str | None:
+    """Says that the spec looks beyond the end of an episode, if it does; what every window allows is checked above."""
+    last, horizon = make_task(study.task).steps - 1, study.spec.horizon
+    if horizon is None or horizon <= last:
+        return None
+    return f"the spec looks as far as step {horizon}, and an episode ends at step {last}: its windows are cut there"
+
+
 def _check_signals(spec: Spec, task: Task) -> None:
     features, commands = task.reference()
-    offered = {
-        name: None if values.ndim == 2 else values.shape[2]
-        for name, values in task.signals(features[None], commands[None]).items()
-    }
+    signals = task.signals(features[None], commands[None])
+    offered = {name: None if values.ndim == 2 else values.shape[2] for name, values in signals.items()}
     for name, dimension in spec.signals.items():
         if name not in offered:
             raise UserError(f"spec: it needs a signal {name}, which {task.name} has not{nearest(name, offered)}")
@@ -179,6 +220,7 @@ def _check_signals(spec: Spec, task: Task) -> None:
             raise UserError(
                 f"spec: it reads {name} as {_kind(dimension)}, but in {task.name} it is {_kind(offered[name])}"
             )
+    spec.check_length(signals)
 
 
 def _kind(dimension: int | None) -> str:

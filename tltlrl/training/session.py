@@ -18,16 +18,18 @@ from tltlrl.errors import UserError
 from tltlrl.learning.learner import Learner
 from tltlrl.learning.policy import Policy
 from tltlrl.store.files import clear_leftovers, naming, write_bytes
-from tltlrl.store.layout import DONE, PROGRESS, TIMING
+from tltlrl.store.layout import DONE, LAST, PROGRESS, TIMING
 from tltlrl.store.lock import BusyError, held
 from tltlrl.store.run import (
     Checkpoint,
     DamagedError,
     drop_checkpoint,
     first_rows,
+    iterations_done,
     read_checkpoint,
     read_policy,
     read_results,
+    shelve_checkpoint,
     write_checkpoint,
     write_results,
 )
@@ -77,12 +79,38 @@ def train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
             clear_leftovers(folder)
             with contextlib.suppress(DamagedError):
                 if read_results(folder, run.identity()) is not None:
-                    drop_checkpoint(folder)
+                    shelve_checkpoint(folder)
                     return
+            if shorter := shorter_run(run, folder):
+                _go_on(shorter, run, folder)
             (folder / DONE).unlink(missing_ok=True)
             _train(run, folder, report)
     except BusyError as error:
         raise UserError(f"{folder}: another process still computes this run; stop it, and start again") from error
+
+
+def shorter_run(run: Run, folder: Path) -> Run | None:
+    """The same run with fewer iterations, if the folder holds its results, whole."""
+    done = iterations_done(folder)
+    if done is None or not 0 < done < run.algorithm.iterations:
+        return None
+    shorter = dataclasses.replace(run, algorithm=dataclasses.replace(run.algorithm, iterations=done))
+    try:
+        return shorter if read_results(folder, shorter.identity()) is not None else None
+    except DamagedError:
+        return None
+
+
+def _go_on(shorter: Run, run: Run, folder: Path) -> None:
+    """Makes the last state of a finished run the checkpoint of the same run with more iterations.
+
+    What an iteration draws depends on the seed and its number alone, so the run goes on to the bytes that it would have
+    come to without a stop. Results of before this was possible have no last state: their run starts again, to the same
+    bytes.
+    """
+    with contextlib.suppress(DamagedError):
+        if (saved := read_checkpoint(folder, shorter.identity(), LAST)) is not None:
+            write_checkpoint(folder, run.identity(), saved)
 
 
 def _train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
@@ -104,12 +132,12 @@ def _train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
         "algorithm": run.case.learner,
         "seed": run.seed,
     }
-    columns = (folder / PROGRESS).read_text().split("\n", 1)[0].split(",") if first else None
+    columns = (folder / PROGRESS).read_text(encoding="utf-8").split("\n", 1)[0].split(",") if first else None
     last_checkpoint = time.monotonic()
     with (
         naming(folder / PROGRESS),
-        open(folder / PROGRESS, "a", newline="") as progress,
-        open(folder / TIMING, "a", newline="") as timing,
+        open(folder / PROGRESS, "a", newline="", encoding="utf-8") as progress,
+        open(folder / TIMING, "a", newline="", encoding="utf-8") as timing,
     ):
         for i in range(first, run.algorithm.iterations):
             clock = time.perf_counter()
@@ -137,6 +165,7 @@ def _train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
                 timing.flush()
                 write_checkpoint(folder, identity, Checkpoint(i + 1, env_steps, arrays_of(stands)))
                 last_checkpoint = time.monotonic()
+    write_checkpoint(folder, identity, Checkpoint(run.algorithm.iterations, env_steps, arrays_of(stands)))
     policy = setup.learner.policy(stands.state)
     if run.algorithm.keep == "best":
         policy = stands.seen(policy, robustness_of(run, setup, policy)).best

@@ -17,16 +17,22 @@ from tltlrl.logic import Spec
 from tltlrl.settings import check, check_value, setting, settings_of, without_places
 from tltlrl.store.files import digest
 
+TLTL = "tltl"  # the reward that is the spec's own robustness
 MOST_SEEDS = MOST_TRIALS = MOST_SAMPLES = 10_000  # more would not fit into memory, and show only after hours
 LATER = {  # than 0.1, with their defaults
     "exploration": {},
     "basis": 0,
     "told": "robustness",
+    "normalise": False,
     "keep": "last",
     "refine": {},
     "batches": 1,
 }
-TLTL = "tltl"  # the reward that is the spec's own robustness
+
+
+def with_later(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """The config of a result of any version: what was added since stands at its default, which changes nothing."""
+    return {**settings, "algorithm": {**LATER, **settings["algorithm"]}}
 
 
 @dataclass(frozen=True)
@@ -51,6 +57,10 @@ class AlgorithmConfig:
         "clauses, the worst first",
         "robustness",
         choices=TOLD,
+    )
+    normalise: bool = setting(
+        "divide every predicate by its spread over the first iteration's trajectories, in what the learner is told",
+        False,
     )
     keep: str = setting(
         "the policy that a run ends with: the last, or the best of those whose mean motion was simulated",

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from tltlrl.learning.policy import Policy
 from tltlrl.logic import reasons
+from tltlrl.simulation.motion import measures
 from tltlrl.simulation.rollout import Simulator
 from tltlrl.simulation.trials import mean_motion, trials
 from tltlrl.tasks.task import Signals
-from tltlrl.training.build import Setup, make_evaluation_task
+from tltlrl.training.build import Setup, make_evaluation_task, make_task
 from tltlrl.training.study import Run
 
 Array = NDArray[np.float64]
@@ -44,6 +45,35 @@ def try_policy(run: Run, policy: Policy, count: int, rng: np.random.Generator) -
     return Trials(robustness, task.outcomes(motion.last_qpos, motion.last_qvel), signals, motion.lengths)
 
 
+@dataclass(frozen=True)
+class Motions:
+    """Motions of a policy in the scene of training.
+
+    Attributes:
+      signals: name -> (N, T) or (N, T, k).
+      lengths: samples of each, shape (N,).
+      robustness: of each, shape (N,).
+    """
+
+    signals: Signals
+    lengths: NDArray[np.int64]
+    robustness: Array
+
+
+def motions(run: Run, policy: Policy, samples: int, rng: np.random.Generator) -> Motions:
+    """The mean motion, without any noise, and after it sampled ones, with exploration and the actuators' noise."""
+    task = make_task(run.task)
+    simulator = Simulator(task)
+    offsets = np.concatenate([policy.mean[None], policy.sample(samples, rng)])
+    noise = np.concatenate([np.zeros((1, *policy.mean.shape)), simulator.draw_command_noise(samples, rng)])
+    starts = simulator.draw_starts(samples, rng)
+    if starts is not None:
+        starts = np.concatenate([np.zeros((1, starts.shape[1])), starts])
+    moved = simulator.rollout(policy.gain, offsets, noise, starts)
+    signals = task.signals(moved.features, moved.commands)
+    return Motions(signals, moved.lengths, run.spec.robustness(signals, moved.lengths))
+
+
 def robustness_of(run: Run, setup: Setup, policy: Policy) -> float:
     """The robustness of the mean motion of a policy."""
     motion = mean_motion(setup.simulator, policy)
@@ -63,6 +93,7 @@ def judge(run: Run, setup: Setup, policy: Policy) -> dict[str, Any]:
         "satisfied": of_policy > 0,
         "trials": run.trials,
         "successes": int(np.sum(tried.robustness > 0)),
+        "motion": measures(setup.task, run.spec, motion, setup.simulator.command_range),
         "outcomes": {name: int(np.sum(values)) for name, values in tried.outcomes.items()},
         "why_policy_fails": reasons.to_json(reasons.failed(why)),
         "why_trials_fail": reasons.to_json(reasons.failed(run.spec.explain(tried.signals, tried.lengths))),

@@ -175,7 +175,7 @@ def test_a_simulation_that_diverges_says_when_and_what_helps(robot, tmp_path, mo
         "task: under random commands of full size the simulation of arm diverged: trajectory "
     )
     assert str(error.value).endswith(
-        "s); a smaller timestep of the model, more damping or armature in its joints, or less exploration "
+        " s; a smaller timestep of the model, more damping or armature in its joints, or less exploration "
         "(algorithm.initial_std) usually helps"
     )
     assert not (tmp_path / "MUJOCO_LOG.TXT").exists()

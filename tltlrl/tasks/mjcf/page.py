@@ -193,6 +193,8 @@ def mistake(config: RobotConfig, key: Key, what: str, told_within: Key = ()) -> 
         return UserError(f"task.{'.'.join(key)}: {what}")
     if told_within:
         return mistake(config, key, what)
+    if dataclasses.asdict(config).get(key[0]) != dataclasses.asdict(RobotConfig()).get(key[0]):
+        return UserError(f"task.{'.'.join(key)}: {what}")
     return page.mistake(key, what)
 
 

@@ -28,7 +28,7 @@ from lxml import etree
 
 from tltlrl.errors import UserError
 from tltlrl.settings import check, setting
-from tltlrl.tasks.task import MOST_STEPS, Array, Quantity, Signals, Task
+from tltlrl.tasks.task import MOST_STEPS, Array, Joints, Quantity, Signals, Task
 
 JOINTS = ("joint_1", "joint_2", "joint_3")
 HEADING = np.triu(np.ones((3, 3)))  # angles @ HEADING: each link's angle from the x axis, the sum of those before it
@@ -89,6 +89,8 @@ class PlanarArm(Task):
     action = (Quantity("speeds", "rad/s", ("speed_1", "speed_2", "speed_3")),)
     units: Mapping[str, str] = MappingProxyType({"ee": "m", "angles": "rad", "velocities": "rad/s", "command": "rad/s"})
     camera = "above"
+    joints = Joints()
+    end_effector = "end_effector"
 
     def __init__(self, config: PlanarArmConfig) -> None:
         self.name = config.name

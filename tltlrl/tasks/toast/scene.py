@@ -47,7 +47,7 @@ from scipy.spatial.transform import Rotation
 
 from tltlrl.errors import UserError
 from tltlrl.settings import check, setting
-from tltlrl.tasks.task import MOST_STEPS, Array, Quantity, Signals, Task
+from tltlrl.tasks.task import MOST_STEPS, Array, Joints, Quantity, Signals, Task
 
 # Kinematics of the right arm: Rethink Robotics' description (baxter_common 1.2.0). Each row is the child frame's
 # origin (m) and fixed-axis roll, pitch, yaw (rad) in its parent's frame; the joint then turns about the child's z axis.
@@ -170,6 +170,8 @@ class Toast(Task):
         {"ee": "m", "rotation": "rad", "gripper": "%", "velocities": "rad/s", "command": "rad/s, %"}
     )
     camera = "front"
+    joints = Joints()
+    end_effector = "end_effector"
     observation = (
         Quantity("angles", "rad", tuple(f"angle_{joint}" for joint in LINKS)),
         Quantity("velocities", "rad/s", tuple(f"velocity_{joint}" for joint in LINKS)),

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from tltlrl.settings import check, setting
-from tltlrl.tasks.task import Array, Memory, Quantity, Signals, StepReward, Task, TaskEntry, required_constants
+from tltlrl.tasks.task import Array, Joints, Memory, Quantity, Signals, StepReward, Task, TaskEntry, required_constants
 
 # isort: split
 from dm_control import mujoco  # after tltlrl.tasks, which chooses a renderer that needs no display
@@ -42,6 +42,8 @@ class TwoLink(Task):
     )
     action = (Quantity("speeds", "rad/s", ("shoulder", "elbow")),)
     camera = "above"
+    joints = Joints()
+    end_effector = "end_effector"
 
     def __init__(self, config: TwoLinkConfig) -> None:
         self.name, self.steps, self.start = config.name, config.steps, np.array(config.start_angles)
