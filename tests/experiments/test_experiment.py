@@ -1,12 +1,17 @@
 """Which studies may extend the folder of another."""
 
+import json
+
 import pytest
 import yaml
 
-from tltlrl.config.compose import compose
+from tltlrl.config.compose import as_meant, compose
 from tltlrl.config.keys import machinery_defaults
 from tltlrl.config.read import read
-from tltlrl.experiments.experiment import changes, run_experiment, with_seeds
+from tltlrl.errors import UserError
+from tltlrl.experiments.experiment import changes, open_run, run_experiment, with_seeds
+from tltlrl.experiments.manifest import settings_in
+from tltlrl.store.files import digest
 from tltlrl.training.study import LATER, with_later
 
 
@@ -84,3 +89,28 @@ def test_more_iterations_go_on_and_what_was_not_asked_for_stays(tmp_path, monkey
         assert (a / name).read_bytes() == (b / name).read_bytes(), name
     assert yaml.safe_load((a / "config.yaml").read_text())["seeds"] == 2
     assert "2 of 2 runs were done" in run(tmp_path / "a", "seeds=2", "algorithm.iterations=4")
+
+
+def test_what_was_started_from_is_kept_with_the_results(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("tltlrl.reports.report.plot_learning_curves", lambda *_: None)
+    monkeypatch.setattr("tltlrl.experiments.experiment.draw_cases", lambda *_: None)
+    small = ["experiment=reach_avoid", "cases=[tltl_episodic]", "task.steps=12", "algorithm.samples=6", "seeds=1"]
+
+    def study_of(name, *overrides):
+        asked = [*small, "trials=2", "workers=1", f"runs_dir={tmp_path}", f"name={name}", *overrides]
+        return read(compose([as_meant(override) for override in (*asked, "algorithm.iterations=1", *overrides)]))
+
+    assert run_experiment(*study_of("a"), ["test"])
+    learned = tmp_path / "a/tltl_episodic/seed_0/policy.npz"
+    assert run_experiment(*study_of("b", f"policy={learned}"), ["test"])
+    made = json.loads((tmp_path / "b/manifest.json").read_text())
+    assert made["start"] == {str(learned): digest(learned.read_bytes())}
+    assert (tmp_path / "b/start.npz").read_bytes() == learned.read_bytes()
+    learned.rename(tmp_path / "elsewhere.npz")
+    assert open_run(tmp_path / "b/tltl_episodic/seed_0")[0].seed == 0
+    assert read(settings_in(tmp_path / "b/manifest.json"))[0].algorithm.policy == str(tmp_path / "b/start.npz")
+    capsys.readouterr()
+    assert run_experiment(*study_of("b", f"policy={tmp_path}/elsewhere.npz"), ["test"])
+    assert "1 of 1 runs were done before" in capsys.readouterr().err
+    with pytest.raises(UserError, match="was made from another policy"):
+        run_experiment(*study_of("b", f"policy={tmp_path}/b/tltl_episodic/seed_0"), ["test"])

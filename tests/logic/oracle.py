@@ -50,6 +50,12 @@ def number(f, trace, t):
             return max(number(a, trace, t) for a in operands)
         case s.Call(name, operands) if name in FUNCTIONS:
             return FUNCTIONS[name](*(number(a, trace, t) for a in operands))
+        case s.Call("norm", (s.Vector(items),)):
+            return math.sqrt(sum(number(a, trace, t) ** 2 for a in items))
+        case s.Call("distance", (s.Vector(p), s.Vector(q))):
+            return math.sqrt(sum((number(a, trace, t) - number(b, trace, t)) ** 2 for a, b in zip(p, q, strict=True)))
+        case s.Call("dot", (s.Vector(p), s.Vector(q))):
+            return sum(number(a, trace, t) * number(b, trace, t) for a, b in zip(p, q, strict=True))
         case s.Call("previous", (a,)):
             return number(a, trace, max(t - 1, 0))
     raise TypeError(f)
@@ -101,6 +107,13 @@ def robustness(f, trace, t, e):
             return inf if value else -inf
         case s.Name(name):
             return inf if trace[name][t] else -inf
+        case s.Call("ball", (p, q, radius)):
+            return number(radius, trace, t) - number(s.Call("distance", (p, q)), trace, t)
+        case s.Call("box", (s.Vector(p), s.Vector(low), s.Vector(high))):
+            return min(
+                min(number(x, trace, t) - number(a, trace, t), number(b, trace, t) - number(x, trace, t))
+                for x, a, b in zip(p, low, high, strict=True)
+            )
         case s.Call("holds", (p,)):
             return sign(rho(p, t, e))
         case s.Call("previous", (p,)):

@@ -24,6 +24,8 @@ numbers = st.recursive(
         st.tuples(inner, inner).map(lambda pair: s.Call("max", pair)),
         inner.map(lambda a: s.Call("previous", (a,))),
         st.builds(lambda name, a: s.Call(name, (a,)), st.sampled_from(["sign", "floor"]), inner),
+        st.tuples(inner, inner).map(lambda pair: s.Call("norm", (s.Vector(pair),))),
+        st.tuples(inner, quarters.map(constant)).map(lambda v: s.Call("dot", (s.Vector(v), s.Vector(v[::-1])))),
         st.builds(lambda a: s.Call("mod", (a, s.Number(0.75))), inner),
         st.builds(lambda a, low: s.Call("clip", (a, constant(low), s.Number(3.0))), inner, quarters),
     ),
@@ -38,7 +40,17 @@ comparisons = st.one_of(
         st.just(s.Name("w")),
     ),
 )
-atoms = st.one_of(comparisons, comparisons, comparisons, st.booleans().map(s.Boolean), st.just(s.Name("b")))
+xy, zw = (s.Vector((s.Name(a), s.Name(b))) for a, b in ("xy", "zw"))
+regions = st.one_of(
+    st.just(s.Call("ball", (xy, zw, s.Number(1.5)))),
+    st.builds(
+        lambda a, b: s.Call("box", (xy, s.Vector((constant(a), s.Name("z"))), s.Vector((s.Number(4.0), constant(b))))),
+        quarters.filter(lambda a: a < 4),
+        quarters,
+    ),
+)
+predicates = st.one_of(comparisons, comparisons, comparisons, regions)
+truth_values = st.one_of(st.booleans().map(s.Boolean), st.just(s.Name("b")))
 intervals = st.tuples(st.integers(0, 4), st.integers(0, 6)).map(
     lambda ab: s.Interval(s.Number(float(ab[0])), s.Number(float(sum(ab))))
 )
@@ -78,7 +90,7 @@ def _compound(inner, calls):
 def formulas(max_leaves=5, truths=True):
     """Random formulas of every operator; without truths, only the end and the start make a value infinite."""
     calls = ["rise", "fall", "previous", *["holds"] * truths]
-    leaves = atoms if truths else comparisons
+    leaves = st.one_of(predicates, predicates, predicates, truth_values) if truths else predicates
     return st.recursive(leaves, lambda inner: _compound(inner, calls), max_leaves=max_leaves).filter(_binds_once)
 
 

@@ -424,6 +424,8 @@ def test_fuzz():
     """Mutated specs give a SpecError or a spec: nothing else, and quickly. TLTL_FUZZ sets how many (2000)."""
     texts = [path.read_text(encoding="utf-8") for path in SPECS]
     texts += ["F G (x < 0.2)", "G[0,5] (x < 1 => F[1,3] y > 2)", "(a < 1) U[2,4] (b > 1) T (c < 2)"] * 2
+    page = (ROOT / "docs" / "spec-examples.md").read_text(encoding="utf-8")
+    texts += re.findall(r"^```tltl\n(.*?)^```", page, flags=re.M | re.S)
     texts += [re.sub(r"#.*\n", "\n", text) for text in texts]
     generator = random.Random(int(os.environ.get("TLTL_FUZZ_SEED", "0")))
     read = 0

@@ -1,4 +1,4 @@
-"""docs/spec-language.md says what is so: its code runs, its table's spellings and strengths are the parser's."""
+"""The pages of the language say what is so: their code runs, the table's spellings and strengths are the parser's."""
 
 import contextlib
 import re
@@ -13,7 +13,8 @@ from tltlrl.logic.declarations import RESERVED
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "spec-language.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```", PAGE, flags=re.M | re.S)
+CASE_STUDY = (ROOT / "docs" / "spec-case-study.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```", PAGE + CASE_STUDY, flags=re.M | re.S)
 
 
 @pytest.mark.parametrize("code", [code for kind, code in BLOCKS if kind == "python"])

@@ -13,6 +13,7 @@ from tltlrl.reports.report import (
     summary_page,
     trial_lines,
 )
+from tltlrl.simulation.motion import MEASURES
 
 LATE = Reason("`d < 0.2` in at_goal", 1, 199, 199, -0.5, -0.5)
 LATER = Reason("`d < 0.2` in at_goal", 1, 150, 150, -0.25, -0.25)
@@ -127,3 +128,20 @@ def test_how_policies_move_stands_in_the_summary_and_as_medians_in_the_report():
     assert lines[5:] == [
         "| case | path length |", "|---|---|", "| a | 3.5 |", "| b |  |", "", "- path length: m, of the end-effector",
     ]  # fmt: skip
+
+
+def test_calm_policies_stand_beside_the_learned_ones_and_are_not_counted_among_them():
+    worth = {
+        "robustness_policy": 0.4, "satisfied": True, "trials": 4, "successes": 4, "outcomes": {"bread": 3},
+        "motion": dict.fromkeys(MEASURES, 2.0),
+    }  # fmt: skip
+    calm = worth | {"robustness_policy": 0.3, "episodes": 160, "env_steps": 9, "motion": dict.fromkeys(MEASURES, 1.0)}
+    rows = {"task": "t", "case": "a", "seed": [0, 1], "iteration": 0, "robustness_policy": 0.4, "robustness_mean": 0.1}
+    table = summarise(pd.DataFrame(rows), {Path("a/seed_0"): worth | {"calm": calm}, Path("a/seed_1"): worth})
+    lines = motion_lines(table)
+    assert "| a |" + " 2 |" * len(MEASURES) in lines
+    assert "| a, calm |" + " 1 |" * len(MEASURES) in lines
+    assert "| a | 1 of 1 | 0.300 (0.300 to 0.300) | 0.75 | 4 of 4 | 3 of 4 | 160 |" in lines
+    experiment, _ = read(compose(["experiment=reach_avoid"]))
+    assert "| 8 of 8 | 6 of 8 |" in summary_page(experiment, table, {})
+    assert table["calm_path_length"].isna().tolist() == [False, True]

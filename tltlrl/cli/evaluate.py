@@ -15,7 +15,8 @@ import numpy as np
 from scipy.stats import binomtest
 
 from tltlrl.errors import UserError
-from tltlrl.experiments.experiment import open_run
+from tltlrl.experiments.experiment import open_calm, open_run
+from tltlrl.learning.policy import Policy
 from tltlrl.logic import Spec, load_spec
 from tltlrl.logic.trace import write_recording
 from tltlrl.resources import user_path
@@ -49,6 +50,22 @@ def run(arguments: Namespace) -> int:
     if not 1 <= arguments.trials <= MOST_TRIALS or arguments.seed < 0:
         raise UserError(f"--trials must lie between 1 and {MOST_TRIALS}, and --seed be at least 0")
     learned, policy = open_run(arguments.run)
+    calm = open_calm(arguments.run)
+    if calm is not None:
+        print("the learned policy")
+    _tell(learned, policy, arguments)
+    if calm is not None:
+        print("\nthe calm policy")
+        _tell(learned, calm, arguments)
+    if arguments.trace is not None:
+        rng = np.random.default_rng(arguments.seed)
+        write_traces(arguments.trace, learned, motions(learned, policy, arguments.samples, rng))
+        print(f"explained by: {check_command(learned.spec, arguments.trace)}")
+    return 0
+
+
+def _tell(learned: Run, policy: Policy, arguments: Namespace) -> None:
+    """The trials of one policy and the measures of its motion, to the terminal."""
     tried = try_policy(learned, policy, arguments.trials, np.random.default_rng(arguments.seed))
     for trial, why in enumerate(learned.spec.explain(tried.signals, tried.lengths)):
         judged = "".join(f"; {name}: {'yes' if values[trial] else 'no'}" for name, values in tried.outcomes.items())
@@ -67,11 +84,6 @@ def run(arguments: Namespace) -> int:
     for name, value in found.items():
         if value is not None:
             print(f"  {name:<20} {value:8.3f}  {MEASURES[name]}")
-    if arguments.trace is not None:
-        rng = np.random.default_rng(arguments.seed)
-        write_traces(arguments.trace, learned, motions(learned, policy, arguments.samples, rng))
-        print(f"explained by: {check_command(learned.spec, arguments.trace)}")
-    return 0
 
 
 def write_traces(path: Path, run: Run, moved: Motions) -> None:

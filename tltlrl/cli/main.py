@@ -15,6 +15,7 @@ from tltlrl.errors import UserError
 
 COMMANDS = {
     "check": "check a spec and, with a trace, print robustness, verdict and explanation",
+    "watch": "follow a trajectory while it runs: samples on standard input, robustness and bounds at once",
     "new": "a page and a spec for a robot of your own, from its MJCF file",
     "tasks": "the tasks; of one its signals, with what values they take",
     "evaluate": "trials of a learned policy and their success rate",

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
 
-from tltlrl.experiments.experiment import open_run
+from tltlrl.experiments.experiment import open_calm, open_run
 from tltlrl.reports.video import render_motion
 from tltlrl.reports.workspace import draw_workspace
 from tltlrl.resources import user_path
-from tltlrl.store.layout import WORKSPACE
+from tltlrl.store.layout import CALM_WORKSPACE, WORKSPACE
 from tltlrl.training.build import make_task
 
 
@@ -27,9 +27,14 @@ def run(arguments: Namespace) -> int:
     learned, policy = open_run(arguments.run)
     folder = arguments.output or arguments.run
     folder.mkdir(parents=True, exist_ok=True)
-    if make_task(learned.task).skeleton is not None:
-        draw_workspace(learned, policy, folder / WORKSPACE)
-        print(f"{folder}/{WORKSPACE}.png, .pdf: the paths")
-    render_motion(learned, policy, folder / "motion")
-    print(f"{folder}/motion.gif: the motion; motion.png: frames of it")
+    calm = open_calm(arguments.run)
+    for shown, workspace, motion in ((policy, WORKSPACE, "motion"), (calm, CALM_WORKSPACE, "motion_calm")):
+        if shown is None:
+            continue
+        of = " of the calm policy" if shown is calm else ""
+        if make_task(learned.task).skeleton is not None:
+            draw_workspace(learned, shown, folder / workspace)
+            print(f"{folder}/{workspace}.png, .pdf: the paths{of}")
+        render_motion(learned, shown, folder / motion)
+        print(f"{folder}/{motion}.gif: the motion{of}; {motion}.png: frames of it")
     return 0

@@ -18,7 +18,7 @@ from tltlrl.registry import TASKS
 from tltlrl.resources import CONFIGS, user_path
 
 GROUPS = ("experiment", "task", "reward", "algorithm", "engine")  # chosen by the name of a file in configs/
-TEXTS = ("name", "spec", "runs_dir")  # whatever is written there is the value
+TEXTS = ("name", "spec", "runs_dir", "policy", "algorithm.policy")  # whatever is written there is the value
 LISTS = ("cases", "seeds")
 WORDS = ("null", "true", "false", "nan", "inf")  # that Hydra reads as no text
 
@@ -45,9 +45,10 @@ def compose(overrides: Sequence[str]) -> dict[str, Any]:
 def as_meant(override: str, several: bool = False) -> str:
     """An override as Hydra has to be given it, from what its writer may mean by it.
 
-    `name`, `spec` and `runs_dir` are plain text; with several values, as -m has them, a comma separates two of them
-    unless there is such a file. The lists `cases` and `seeds` need no brackets, which a shell may take for its own:
-    `cases=tltl_episodic`, `seeds=7,8` and, as in Python, `seeds=7,` for the list of one.
+    `name`, `spec`, `runs_dir` and `policy` (short for `algorithm.policy`) are plain text; with several values, as -m
+    has them, a comma separates two of them unless there is such a file. The lists `cases` and `seeds` need no brackets,
+    which a shell may take for its own: `cases=tltl_episodic`, `seeds=7,8` and, as in Python, `seeds=7,` for the list
+    of one.
     """
     key, separator, value = override.partition("=")
     name = key.lstrip("+")
@@ -57,7 +58,8 @@ def as_meant(override: str, several: bool = False) -> str:
         if several and re.fullmatch(r"(choice|glob|shuffle|sort)\(.*\)", value):
             return override
         parts = value.split(",") if several and not user_path(value).exists() else [value]
-        return f"{key}={','.join(map(_text, parts))}"
+        own = "algorithm.policy" if name == "policy" else key
+        return f"{own}={','.join(map(_text, parts))}"
     if name in LISTS and not several and re.fullmatch(r"\w+(, *\w+)*,?", value) and (name == "cases" or "," in value):
         return f"{key}=[{value.rstrip(',')}]"
     return override

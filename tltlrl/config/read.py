@@ -14,7 +14,7 @@ from tltlrl.config.machinery import Engine, Machinery
 from tltlrl.errors import UserError, nearest
 from tltlrl.logic import load_spec
 from tltlrl.registry import LEARNERS, TASKS
-from tltlrl.resources import spec_path
+from tltlrl.resources import spec_path, user_path
 from tltlrl.training.study import MOST_SEEDS, TLTL, AlgorithmConfig, Case, Stage, Study
 
 Settings = TypeVar("Settings")
@@ -39,6 +39,8 @@ def read(config: Mapping[str, Any]) -> tuple[Study, Machinery]:
     entry = TASKS.get(str(config["task"].get("name")))
     cases = [case_of(str(name), entry.hand_made) for name in config["cases"]]
     names = list(dict.fromkeys(case.learner for case in cases))
+    if policy := config["algorithm"].get("policy"):  # for workers elsewhere, too
+        config["algorithm"] = {**config["algorithm"], "policy": str(user_path(str(policy)).resolve())}
     algorithm, learners = _algorithm(config["algorithm"], names)
     task: Any = dataclass_from(entry.config, config["task"], "task")
     reward: Any = dataclass_from(entry.reward, config["reward"], "reward")
@@ -87,21 +89,15 @@ def case_of(name: str, hand_made: Sequence[str]) -> Case:
       hand_made: the task's hand-made rewards.
 
     Raises:
-      UserError: if there is no such case. Robustness is known at the end only, so no learner learns from it by step.
+      UserError: if there is no such case.
     """
     cases = {
         case.name: case
         for case in (Case(reward, learner) for reward in (TLTL, *hand_made) for learner in LEARNERS.names())
     }
-    case = cases.get(name)
-    if case is None or not _possible(case):
-        valid = [other.name for other in cases.values() if _possible(other)]
-        raise UserError(f"cases: no case is named {name}{nearest(name, valid)}")
-    return case
-
-
-def _possible(case: Case) -> bool:
-    return case.reward != TLTL or not LEARNERS.get(case.learner).by_step
+    if name not in cases:
+        raise UserError(f"cases: no case is named {name}{nearest(name, cases)}")
+    return cases[name]
 
 
 def _algorithm(
@@ -130,7 +126,8 @@ def _refinement(values: Mapping[str, Any], learners: Iterable[str]) -> dict[str,
     where, after = "algorithm.refine", changed.pop("after", None)
     if type(after) is not int or after < 1:
         raise UserError(f"{where}.after: expected the iterations of the first stage, a whole number, not {after!r}")
-    same = [name for name in ("iterations", "samples", "told", "normalise", "keep", "refine") if name in changed]
+    common = ("iterations", "samples", "told", "normalise", "keep", "calm", "calm_share", "refine")
+    same = [name for name in common if name in changed]
     if same:
         raise UserError(
             f"{where}.{same[0]}: it is the same in both stages; set algorithm.{same[0]}, and leave it out here"

@@ -28,7 +28,8 @@ Examples
   tltl-run experiment=reach_avoid name=small seeds=7, algorithm.samples=30 reward.goal=3
 
 Any key of the config below can be set as key=value; a list is written [1,2,3], without spaces.
-Constants of the spec are set with constants.NAME=value. The results go to <runs_dir>/<name>;
+Constants of the spec are set with constants.NAME=value. To start from a learned policy's motion:
+policy=runs/NAME/CASE/seed_0/policy.npz. The results go to <runs_dir>/<name>;
 the same command again finishes what is missing there. Ctrl-C keeps what is done.
 
 Experiments: {experiments}

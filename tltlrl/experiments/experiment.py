@@ -18,15 +18,15 @@ from tltlrl.config.read import read, seeds_of
 from tltlrl.errors import UserError
 from tltlrl.experiments.engine import check_scheduler, run_all
 from tltlrl.experiments.folder import empty, is_record, read_record, working_in
-from tltlrl.experiments.manifest import end_session, manifest, read_manifest, spec_name, start_session
+from tltlrl.experiments.manifest import end_session, manifest, read_manifest, spec_name, start_session, with_start_of
 from tltlrl.experiments.progress import Progress
 from tltlrl.learning.policy import Policy
 from tltlrl.reports.plotting import FORMATS
 from tltlrl.reports.report import write_report
 from tltlrl.reports.workspace import draw_workspace
 from tltlrl.store import layout
-from tltlrl.store.files import clear_leftovers, digest, write_json, write_text
-from tltlrl.store.layout import CONFIG, DONE, LOG, MANIFEST, POLICY, SPECS, WORKSPACE
+from tltlrl.store.files import clear_leftovers, digest, write_bytes, write_json, write_text
+from tltlrl.store.layout import CALM, CALM_WORKSPACE, CONFIG, DONE, LOG, MANIFEST, POLICY, SPECS, START, WORKSPACE
 from tltlrl.store.run import DamagedError, read_checkpoint, read_results, robustness_so_far, shelve_checkpoint
 from tltlrl.training.build import cut_windows, make_task
 from tltlrl.training.session import learned_policy, shorter_run
@@ -57,6 +57,7 @@ def run_experiment(study: Study, machinery: Machinery, command: list[str]) -> bo
     folder = machinery.folder(study.name)
     if machinery.address is not None:
         check_scheduler(machinery.address)
+    check_ours(folder, study)
     with working_in(folder):
         whole, notes = prepare(folder, study, machinery.overwrite)
         missing, done, damages = survey(folder, study)
@@ -87,6 +88,24 @@ def run_experiment(study: Study, machinery: Machinery, command: list[str]) -> bo
         if missing or before is None:
             write_json(folder / MANIFEST, manifest(whole, before, end_session(session)))
     return not failures
+
+
+def check_ours(folder: Path, study: Study) -> None:
+    """Whether a folder is there for our results, looked at before anything in it is written, its lock included.
+
+    Raises:
+      UserError: if it holds something else, or what is written into it would go elsewhere through a link.
+    """
+    if not folder.is_dir():
+        return
+    _settings_before(folder, read_manifest(folder / MANIFEST))
+    inner = {
+        folder / SPECS,
+        *(path for run in study.runs() for path in (run_folder(folder, run).parents[0], run_folder(folder, run))),
+    }
+    for path in sorted(inner):
+        if path.is_symlink():
+            raise UserError(f"{path} is a link, and results are not written through it; link {folder} as a whole")
 
 
 def label(run: Run) -> str:
@@ -151,6 +170,15 @@ def draw_cases(folder: Path, study: Study, results: Mapping[Path, Mapping[str, A
         if done and min(map(_written, pictures)) <= max(_written(path / POLICY) for path in done):
             median = done[(len(done) - 1) // 2]
             draw_workspace(runs[median], learned_policy(median), folder / case.name / WORKSPACE)
+            clear_pictures(folder / case.name / CALM_WORKSPACE)
+            if (calm := open_calm(median)) is not None:
+                draw_workspace(runs[median], calm, folder / case.name / CALM_WORKSPACE)
+
+
+def clear_pictures(path: Path) -> None:
+    """Deletes a picture in all its formats, if there is one."""
+    for suffix in FORMATS:
+        path.with_name(f"{path.name}{suffix}").unlink(missing_ok=True)
 
 
 def _written(path: Path) -> float:
@@ -169,6 +197,7 @@ def open_run(folder: Path) -> tuple[Run, Policy]:
     try:
         settings = yaml.safe_load((above / CONFIG).read_text(encoding="utf-8"))
         settings["spec"] = str(_spec_copy(above, settings["spec"]))
+        settings = with_start_of(above, settings)
         policy = learned_policy(folder)
         (folder / DONE).read_text(encoding="utf-8")
     except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError) as error:
@@ -184,6 +213,18 @@ def open_run(folder: Path) -> tuple[Run, Policy]:
                 ) from error
             return run, policy
     raise UserError(f"{folder}: {above / CONFIG} knows no such case and seed")
+
+
+def open_calm(folder: Path) -> Policy | None:
+    """The calm policy of a finished run that `open_run` has read; None if it has none.
+
+    Raises:
+      UserError: if its file cannot be read.
+    """
+    try:
+        return learned_policy(folder, CALM) if (folder / CALM).exists() else None
+    except DamagedError as error:
+        raise UserError(f"{folder}: {error}; start its tltl-run again, which computes anew what is damaged") from error
 
 
 def compute(folder: Path, study: Study, machinery: Machinery, missing: list[Run], progress: Progress) -> dict[str, str]:
@@ -250,6 +291,14 @@ def prepare(folder: Path, study: Study, overwrite: bool) -> tuple[Study, list[st
                     f"was damaged or deleted. Set another name=..., or overwrite=true to delete what is there."
                 )
             notes.append(f"{SPECS}/{spec_copy.name} was missing or damaged and is written again")
+    start, start_copy = study.algorithm.start(), folder / START
+    if start is not None:
+        if start_copy.exists() and start_copy.read_bytes() != start:
+            raise UserError(
+                f"{folder} was made from another policy (kept there as {START}). Set another name=..., or "
+                "overwrite=true to delete what is there."
+            )
+        write_bytes(start_copy, start)
     (folder / SPECS).mkdir(parents=True, exist_ok=True)
     whole = study if before is None or overwrite else with_seeds(study, before["seeds"])
     write_text(spec_copy, study.spec.text)
@@ -288,6 +337,8 @@ def changes(before: Mapping[str, Any], study: Study) -> str:
             for key, value in with_later(before)["algorithm"].items()
             if key in before["algorithm"] or key in study.settings["algorithm"]
         }
+        if had_then["algorithm"].get("policy") and study.algorithm.policy:  # its bytes count, and not where it lies
+            had_then["algorithm"]["policy"] = study.algorithm.policy
     return differences(had_then, study.settings, growing, added)
 
 
@@ -300,7 +351,7 @@ def _settings_before(folder: Path, known: Mapping[str, Any] | None) -> tuple[dic
       UserError: if the folder holds anything else; it is neither written to nor, with overwrite=true, deleted.
     """
     names = {entry.name for entry in folder.iterdir() if not entry.name.startswith(".")}
-    if not names - {SPECS}:
+    if not names - {SPECS, START}:
         return None, False
     if (before := read_record(folder / CONFIG, kept())) is not None:
         return before, False

@@ -17,7 +17,7 @@ from tltlrl.config.keys import machinery_defaults
 from tltlrl.errors import UserError
 from tltlrl.resources import spec_path
 from tltlrl.store.files import digest
-from tltlrl.store.layout import SPECS
+from tltlrl.store.layout import SPECS, START
 from tltlrl.training.study import Study, with_later
 
 CONTENT = {
@@ -57,6 +57,7 @@ def manifest(study: Study, before: Mapping[str, Any] | None, session: Mapping[st
         **{key: first[key] for key in session},
         "specs": {spec_name(study): digest(study.spec.text.encode())},
         "config": study.settings,
+        "start": None if (start := study.algorithm.start()) is None else {study.algorithm.policy: digest(start)},
         "later_sessions": later,
     }
 
@@ -96,7 +97,11 @@ def settings_in(path: Path) -> dict[str, Any]:
         raise UserError(
             f"{path}: {'not' if path.exists() else 'there is no such file; give'} the manifest.json of an experiment"
         )
-    settings = with_later(content["config"]) | machinery_defaults() | {"runs_dir": str(path.resolve().parent.parent)}
+    settings = (
+        with_start_of(path.parent, with_later(content["config"]))
+        | machinery_defaults()
+        | {"runs_dir": str(path.resolve().parent.parent)}
+    )
     ((name, expected),) = content["specs"].items()
     try:
         text = spec_path(settings["spec"]).read_bytes().decode("utf-8-sig")
@@ -104,6 +109,14 @@ def settings_in(path: Path) -> dict[str, Any]:
     except UserError:
         unchanged = False
     return settings if unchanged else settings | {"spec": str(path.parent / SPECS / Path(name).name)}
+
+
+def with_start_of(folder: Path, settings: Mapping[str, Any]) -> dict[str, Any]:
+    """A result's config that starts from the result's own copy of the policy that it started from, if it did."""
+    copy = folder / START
+    if not (settings["algorithm"].get("policy") and copy.exists()):
+        return dict(settings)
+    return {**settings, "algorithm": {**settings["algorithm"], "policy": str(copy)}}
 
 
 def spec_name(study: Study) -> str:

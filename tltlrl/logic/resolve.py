@@ -474,7 +474,10 @@ class _Resolver:
         """A number, a vector or a duration."""
         result = self.evaluate(node, scope)
         if isinstance(result, Truth):
-            raise self.error(node, "found a formula; expected a number; only numbers are compared and computed with")
+            advice = "only numbers are compared and computed with"
+            if str(_as_read(node, scope)) in self.declared.booleans:
+                advice = f"'{node}' is true or false, a formula as it stands: delete the comparison"
+            raise self.error(node, f"found a formula; expected a number; {advice}")
         return result
 
     def quantity(self, node: Node, scope: Scope) -> Expression:

@@ -9,7 +9,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +26,17 @@ def columns(name: str, dimension: int | None) -> list[str]:
     if dimension is None:
         return [name]
     return [f"{name}.{'xyz'[i]}" if dimension <= 3 else f"{name}[{i}]" for i in range(dimension)]
+
+
+def spellings(name: str, dimension: int | None) -> list[tuple[str, ...]]:
+    """How a trace may call each of a signal's columns: ee.x or ee[0]; where there is neither, ee_x or ee_0."""
+    flat = re.sub(r"[\[\].]+", "_", name).strip("_")
+    if dimension is None:
+        return [(name, name, flat)]
+    return [
+        (own, f"{name}[{i}]", f"{flat}_{'xyz'[i]}" if dimension <= 3 else f"{flat}_{i}", f"{flat}_{i}")
+        for i, own in enumerate(columns(name, dimension))
+    ]
 
 
 def write_recording(path: str | Path, signals: Mapping[str, Array], period: float) -> None:
@@ -54,17 +64,6 @@ def write_recording(path: str | Path, signals: Mapping[str, Array], period: floa
                 writer.writerow([f"{step * period:.12g}", *(repr(float(values[step])) for values in table.values())])
     except OSError as error:
         raise UserError(f"{path}: the trace cannot be written: {error.strerror}; give another path") from None
-
-
-def spellings(name: str, dimension: int | None) -> list[tuple[str, ...]]:
-    """How a trace may call each of a signal's columns: ee.x or ee[0]; where there is neither, ee_x or ee_0."""
-    flat = re.sub(r"[\[\].]+", "_", name).strip("_")
-    if dimension is None:
-        return [(name, name, flat)]
-    return [
-        (own, f"{name}[{i}]", f"{flat}_{'xyz'[i]}" if dimension <= 3 else f"{flat}_{i}", f"{flat}_{i}")
-        for i, own in enumerate(columns(name, dimension))
-    ]
 
 
 @dataclass(frozen=True)
@@ -270,6 +269,8 @@ def read_arrays(path: str | Path) -> Arrays:
     Raises:
       UserError: if it holds no arrays of numbers.
     """
+    from zipfile import BadZipFile  # only for such files: the command should start fast
+
     try:
         with np.load(path, allow_pickle=False) as file:
             return Arrays(path, {name: file[name] for name in file.files})

@@ -15,7 +15,17 @@ from tltlrl.reports.interval import FEWEST, LEVEL, Array, mean_interval
 from tltlrl.reports.plotting import FORMATS, plot_learning_curves, titled
 from tltlrl.simulation.motion import MEASURES
 from tltlrl.store.files import write_text
-from tltlrl.store.layout import CURVES, FIGURE, PROGRESS, REPORT, SUMMARY, SUMMARY_PAGE, WORKSPACE, run_of
+from tltlrl.store.layout import (
+    CALM_WORKSPACE,
+    CURVES,
+    FIGURE,
+    PROGRESS,
+    REPORT,
+    SUMMARY,
+    SUMMARY_PAGE,
+    WORKSPACE,
+    run_of,
+)
 from tltlrl.store.run import joined
 from tltlrl.tasks.task import Task
 from tltlrl.training.build import make_task
@@ -84,6 +94,11 @@ def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) 
                 **done["outcomes"],
             }
         )
+        if "calm" in done:
+            calm = done["calm"]
+            rows[-1] |= {f"calm_{name}": calm[name] for name in CALM_COLUMNS}
+            rows[-1] |= {f"calm_{name}": calm["motion"][name] for name in MEASURES}
+            rows[-1] |= {f"calm_{name}": value for name, value in calm["outcomes"].items()}
     return pd.DataFrame(rows).astype({"first_satisfied_iteration": "Int64"} | dict.fromkeys(MEASURES, "float64"))
 
 
@@ -157,6 +172,7 @@ def report_page(
 def picture_lines(task: Task, finished: Mapping[Path, Mapping[str, Any]]) -> list[str]:
     """The workspace pictures of the cases, for tasks that have them."""
     cases = dict.fromkeys(run_of(path)[0] for path in finished)
+    calm = {run_of(path)[0] for path, done in finished.items() if "calm" in done}
     if task.skeleton is None:
         return []
     return [
@@ -166,6 +182,7 @@ def picture_lines(task: Task, finished: Mapping[Path, Mapping[str, Any]]) -> lis
         "Of each case the seed with the median robustness of the mean policy.",
         "",
         *(f"![{case}]({case}/{WORKSPACE}.png)" for case in cases),
+        *(f"![{case}, calm]({case}/{CALM_WORKSPACE}.png)" for case in cases if case in calm),
     ]
 
 
@@ -184,9 +201,43 @@ def motion_lines(summary: pd.DataFrame) -> list[str]:
         "|---" * (1 + len(known)) + "|",
     ]
     for case, rows in summary.groupby("case", sort=False):
-        medians = (rows[name].median() for name in known)
-        lines.append(f"| {case} |" + "".join(f" {value:.3g} |" if np.isfinite(value) else "  |" for value in medians))
-    return [*lines, "", *(f"- {name.replace('_', ' ').replace('rms', 'RMS')}: {MEASURES[name]}" for name in known)]
+        for label, prefix in ((case, ""), (f"{case}, calm", "calm_")):
+            if prefix and ("calm_successes" not in rows or rows["calm_successes"].isna().all()):
+                continue
+            values = (rows[f"{prefix}{name}"].astype(float).median() for name in known)
+            cells = "".join(f" {value:.3g} |" if np.isfinite(value) else "  |" for value in values)
+            lines.append(f"| {label} |{cells}")
+    units = (f"- {name.replace('_', ' ').replace('rms', 'RMS')}: {MEASURES[name]}" for name in known)
+    return [*lines, "", *units, *_calm_lines(summary)]
+
+
+def _calm_lines(summary: pd.DataFrame) -> list[str]:
+    """What the calm policies are worth, if there are any: nothing that is said of the learned ones counts them."""
+    if "calm_successes" not in summary:
+        return []
+    judged = _judged(summary)
+    lines = [
+        "",
+        "Calm policies follow the learned motion simplified (`algorithm.calm`); the learned ones stay as they are, and "
+        "everything else on this page is of those.",
+        "",
+        "| case, calm | satisfied | robustness, median (min to max) | share of the learned one, least "
+        "| successful trials |"
+        + "".join(f" trials with {name.replace('_', ' ')} |" for name in judged)
+        + " episodes it took, median |",
+        "|---" * (6 + len(judged)) + "|",
+    ]
+    for case, rows in summary[summary["calm_successes"].notna()].groupby("case", sort=False):
+        worth = rows["calm_robustness_policy"].astype(float)
+        lines.append(
+            f"| {case} | {int(rows['calm_satisfied'].sum())} of {len(rows)} "
+            f"| {worth.median():.3f} ({worth.min():.3f} to {worth.max():.3f}) "
+            f"| {(worth / rows['robustness_policy']).min():.2f} "
+            f"| {int(rows['calm_successes'].sum())} of {rows['trials'].sum()} |"
+            + "".join(f" {int(rows[f'calm_{name}'].sum())} of {rows['trials'].sum()} |" for name in judged)
+            + f" {rows['calm_episodes'].median():.0f} |"
+        )
+    return lines
 
 
 def trial_lines(summary: pd.DataFrame, finished: Mapping[Path, Mapping[str, Any]], timestep: float) -> list[str]:
@@ -227,6 +278,8 @@ def bottleneck_lines(finished: Mapping[Path, Mapping[str, Any]], timestep: float
     return ["", "## What holds the failed policies back", "", *lines, "", f"Listed: {HOW_DECIDED}"]
 
 
+CALM_COLUMNS = ("robustness_policy", "satisfied", "successes", "episodes", "env_steps")
+
 HOW_DECIDED = (
     "the predicate whose margin at that step is the robustness, since min and max select; `!(...)` where the "
     "predicate should not hold; then the named sub-formula that it stands in."
@@ -235,7 +288,8 @@ HOW_DECIDED = (
 
 def _judged(summary: pd.DataFrame) -> list[str]:
     """What the task judges of a trial besides the spec."""
-    return list(summary.columns[list(summary.columns).index("success_rate") + 1 :])
+    after = list(summary.columns).index("success_rate") + 1
+    return [name for name in summary.columns[after:] if not name.startswith("calm_")]
 
 
 def _mean(values: Array) -> str:

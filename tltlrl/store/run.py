@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tltlrl.store.files import digest, read_arrays, write_arrays, write_json
-from tltlrl.store.layout import CHECKPOINT, DONE, LAST, POLICY, PROGRESS, TIMING, run_of
+from tltlrl.store.layout import CALM, CALM_CHECKPOINT, CHECKPOINT, DONE, LAST, POLICY, PROGRESS, TIMING, run_of
 
 SEAL, RUN = "sha256", "run"  # keys of done.json
 STATE = "state."  # before the names of the learner's arrays in checkpoint.npz
@@ -42,17 +42,26 @@ class Checkpoint:
 
 
 def write_results(
-    folder: Path, identity: str, policy: Mapping[str, NDArray[np.generic]], results: Mapping[str, Any]
+    folder: Path,
+    identity: str,
+    policy: Mapping[str, NDArray[np.generic]],
+    results: Mapping[str, Any],
+    calm: Mapping[str, NDArray[np.generic]] | None = None,
 ) -> None:
-    """policy.npz and, last, done.json: the results and the seal of everything they belong to.
+    """policy.npz, calm.npz and, last, done.json: the results and the seal of everything they belong to.
 
     Args:
       folder: of the run, with its whole progress.csv.
       identity: of the run; see `tltlrl.training.study.Run.identity`.
       policy: the arrays of the learned one.
       results: plain data.
+      calm: the arrays of its calm policy, if it has one.
     """
     write_arrays(folder / POLICY, **policy)
+    if calm is None:
+        (folder / CALM).unlink(missing_ok=True)
+    else:
+        write_arrays(folder / CALM, **calm)
     write_json(folder / DONE, {**results, SEAL: _seals(folder, identity, results)})
     shelve_checkpoint(folder)
 
@@ -91,19 +100,40 @@ def _seals(folder: Path, identity: str, results: Mapping[str, Any]) -> dict[str,
         DONE: digest(json.dumps(results, sort_keys=True).encode()),
         PROGRESS: digest((folder / PROGRESS).read_bytes()),
         POLICY: digest((folder / POLICY).read_bytes()),
+        **({CALM: digest((folder / CALM).read_bytes())} if results.get("calm") else {}),
     }
 
 
-def read_policy(folder: Path) -> dict[str, NDArray[np.generic]]:
-    """The arrays of policy.npz of a finished run.
+def read_policy(folder: Path, name: str = POLICY) -> dict[str, NDArray[np.generic]]:
+    """The arrays of policy.npz, or of calm.npz, of a finished run.
 
     Raises:
       DamagedError: if it cannot be read.
     """
     try:
-        return read_arrays(folder / POLICY)
+        return read_arrays(folder / name)
     except UNREADABLE as error:
-        raise DamagedError(f"{POLICY} cannot be read ({error})") from error
+        raise DamagedError(f"{name} cannot be read ({error})") from error
+
+
+def write_calm_checkpoint(folder: Path, identity: str, state: Mapping[str, NDArray[np.generic]]) -> None:
+    """calm_checkpoint.npz: how far the motion of a learned policy is simplified.
+
+    Args:
+      folder: of the run.
+      identity: of the run and of the learned policy.
+      state: name => array.
+    """
+    write_arrays(folder / CALM_CHECKPOINT, sha256=digest(identity.encode()), **state)
+
+
+def read_calm_checkpoint(folder: Path, identity: str) -> dict[str, NDArray[np.generic]] | None:
+    """What `write_calm_checkpoint` was given; None if there is nothing of this run and policy that can be read."""
+    try:
+        saved = read_arrays(folder / CALM_CHECKPOINT)
+        return saved if str(saved.pop("sha256")) == digest(identity.encode()) else None
+    except UNREADABLE:  # it begins again, and comes to the same
+        return None
 
 
 def write_checkpoint(folder: Path, identity: str, checkpoint: Checkpoint) -> None:
@@ -148,6 +178,7 @@ def shelve_checkpoint(folder: Path) -> None:
     """A finished run keeps its last checkpoint under another name, in case it is given more iterations."""
     if (folder / CHECKPOINT).exists():
         (folder / CHECKPOINT).replace(folder / LAST)
+    (folder / CALM_CHECKPOINT).unlink(missing_ok=True)
 
 
 def iterations_done(folder: Path) -> int | None:
@@ -159,8 +190,9 @@ def iterations_done(folder: Path) -> int | None:
 
 
 def drop_checkpoint(folder: Path) -> None:
-    """Deletes checkpoint.npz, if there is one."""
+    """Deletes the checkpoints, if there are any."""
     (folder / CHECKPOINT).unlink(missing_ok=True)
+    (folder / CALM_CHECKPOINT).unlink(missing_ok=True)
 
 
 def first_rows(path: Path, count: int) -> bytes:

@@ -6,6 +6,7 @@ Here the parts of a study meet, so here are the rules that need two of them.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,6 +22,8 @@ from tltlrl.registry import LEARNERS, TASKS
 from tltlrl.simulation.probe import ranges_seen
 from tltlrl.simulation.rollout import Simulator
 from tltlrl.simulation.trials import mean_motion
+from tltlrl.store.files import arrays_in
+from tltlrl.store.run import UNREADABLE
 from tltlrl.tasks.task import StepReward, Task
 from tltlrl.training.study import TLTL, AlgorithmConfig, Run, Stage, Study
 
@@ -136,18 +139,47 @@ def make_learner(run: Run, stage: Stage) -> Learner[Any]:
 
 
 def first_policy(task: Task, algorithm: AlgorithmConfig) -> Policy:
-    """u_t = u_ref_t + K (s_t - s_ref_t) + noise, about the task's reference motion."""
-    return policy_about(*task.reference(), task, algorithm)
+    """u_t = u_ref_t + K (s_t - s_ref_t) + noise, about the task's reference motion, or that of the policy given.
+
+    Raises:
+      UserError: if the policy given is none, or one of another task.
+    """
+    if (start := algorithm.start()) is None:
+        return policy_about(*task.reference(), task, algorithm)
+    try:
+        policy = policy_of(arrays_in(start))
+    except UNREADABLE as error:
+        raise UserError(f"algorithm.policy: {algorithm.policy} is no policy.npz ({error})") from error
+    d, n = policy.gain.shape
+    if (n, policy.mean.shape) != (task.width, (task.steps, len(task.command_scale))):
+        raise UserError(
+            f"algorithm.policy: {algorithm.policy} is a policy of {n} features, {d} commands and {len(policy.mean)} "
+            f"steps; {task.name} has {task.width}, {len(task.command_scale)} and {task.steps}; give one of this task"
+        )
+    return refined_policy(task, Simulator(task), policy, algorithm)
 
 
-def refined_policy(setup: Setup, policy: Policy, algorithm: AlgorithmConfig) -> Policy:
+def policy_of(saved: Mapping[str, NDArray[np.generic]]) -> Policy:
+    """The policy whose arrays are given, name => array.
+
+    Raises:
+      KeyError, ValueError, TypeError: if they are those of none.
+    """
+    gain, mean, covariance = (saved[name].astype(np.float64) for name in ("gain", "mean", "covariance"))
+    (steps, d) = mean.shape
+    if gain.shape[0] != d or gain.ndim != 2 or covariance.shape != (steps, d, d):
+        raise ValueError(f"arrays of the shapes {gain.shape}, {mean.shape} and {covariance.shape} are no policy")
+    return Policy(gain, mean, covariance, float(saved["correlation"]))
+
+
+def refined_policy(task: Task, simulator: Simulator, policy: Policy, algorithm: AlgorithmConfig) -> Policy:
     """The same about the mean motion of a policy that was learned: K may be another one.
 
     Commands beyond what the actuators can do are cut to it, so that exploration about them is felt.
     """
-    motion = mean_motion(setup.simulator, policy)
-    commands = np.clip(motion.commands[0], *setup.simulator.command_range)
-    return policy_about(motion.features[0], commands, setup.task, algorithm)
+    motion = mean_motion(simulator, policy)
+    commands = np.clip(motion.commands[0], *simulator.command_range)
+    return policy_about(motion.features[0], commands, task, algorithm)
 
 
 def policy_about(features: Array, commands: Array, task: Task, algorithm: AlgorithmConfig) -> Policy:
@@ -188,6 +220,12 @@ def check(study: Study) -> None:
     for name in study.reward.step:
         if name not in names:
             raise UserError(f"reward.step.{name}: no such key{nearest(name, names)}")
+    for case in study.cases:
+        if case.reward == TLTL and LEARNERS.get(case.learner).by_step and study.algorithm.told == "leximin":
+            raise UserError(
+                f"algorithm.told: leximin is a rank among whole trajectories, and {case.name} learns step by step; "
+                "expected robustness or normalised; set it, or leave the case out"
+            )
     first = {run.case: run for run in reversed(study.runs())}
     task = make_task(study.task)
     for run in first.values():

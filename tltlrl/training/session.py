@@ -17,8 +17,8 @@ import numpy as np
 from tltlrl.errors import UserError
 from tltlrl.learning.learner import Learner
 from tltlrl.learning.policy import Policy
-from tltlrl.store.files import clear_leftovers, naming, write_bytes
-from tltlrl.store.layout import DONE, LAST, PROGRESS, TIMING
+from tltlrl.store.files import clear_leftovers, digest, naming, write_bytes
+from tltlrl.store.layout import DONE, LAST, POLICY, PROGRESS, TIMING
 from tltlrl.store.lock import BusyError, held
 from tltlrl.store.run import (
     Checkpoint,
@@ -26,14 +26,17 @@ from tltlrl.store.run import (
     drop_checkpoint,
     first_rows,
     iterations_done,
+    read_calm_checkpoint,
     read_checkpoint,
     read_policy,
     read_results,
     shelve_checkpoint,
+    write_calm_checkpoint,
     write_checkpoint,
     write_results,
 )
-from tltlrl.training.build import first_policy, make_learner, refined_policy, set_up
+from tltlrl.training.build import Setup, first_policy, make_learner, policy_of, refined_policy, set_up
+from tltlrl.training.calm import Calm, begin, calm_policy, simplified
 from tltlrl.training.loop import iterate
 from tltlrl.training.study import Run
 from tltlrl.training.verdict import judge, robustness_of
@@ -142,7 +145,9 @@ def _train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
         for i in range(first, run.algorithm.iterations):
             clock = time.perf_counter()
             if run.refine is not None and i == run.refine.first:
-                refined = refined_policy(setup, setup.learner.policy(stands.state), run.refine.algorithm)
+                refined = refined_policy(
+                    setup.task, setup.simulator, setup.learner.policy(stands.state), run.refine.algorithm
+                )
                 setup = dataclasses.replace(setup, learner=make_learner(run, run.refine))
                 stands = dataclasses.replace(stands, state=setup.learner.start(refined))
             result = iterate(run, setup, stands.state, i)
@@ -169,7 +174,31 @@ def _train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
     policy = setup.learner.policy(stands.state)
     if run.algorithm.keep == "best":
         policy = stands.seen(policy, robustness_of(run, setup, policy)).best
-    write_results(folder, identity, arrays_of(policy), judge(run, setup, policy))
+    results = judge(run, setup, policy)
+    calm = None
+    if run.algorithm.calm and results["satisfied"]:
+        done = _simplify(run, setup, policy, results["robustness_policy"], folder)
+        calm = calm_policy(policy, done)
+        cost = {"batches": done.batches, "episodes": done.episodes, "env_steps": done.env_steps}
+        results["calm"] = judge(run, setup, calm) | cost
+    write_results(folder, identity, arrays_of(policy), results, None if calm is None else arrays_of(calm))
+
+
+def _simplify(run: Run, setup: Setup, policy: Policy, robustness: float, folder: Path) -> Calm:
+    """The calm motion of a learned policy whose mean motion has this robustness; goes on where it was stopped."""
+    identity = run.identity() + digest(policy.mean.tobytes())
+    start = calm = begin(setup, policy)
+    saved = read_calm_checkpoint(folder, identity)
+    if saved is not None:
+        with contextlib.suppress(DamagedError):
+            start = from_arrays(start, saved)
+    last_checkpoint = time.monotonic()
+    asked = run.algorithm
+    for calm in simplified(run, setup, policy, robustness, asked.calm_share, asked.calm, start):
+        if time.monotonic() - last_checkpoint > CHECKPOINT_SECONDS:
+            write_calm_checkpoint(folder, identity, arrays_of(calm))
+            last_checkpoint = time.monotonic()
+    return calm
 
 
 def _write_row(file: TextIO, row: dict[str, Any], header: bool) -> None:
@@ -235,18 +264,17 @@ def from_arrays(like: Any, arrays: Mapping[str, np.ndarray]) -> Any:
     return type(like)(**values)
 
 
-def learned_policy(folder: Path) -> Policy:
+def learned_policy(folder: Path, name: str = POLICY) -> Policy:
     """The policy that a finished run has left.
 
+    Args:
+      folder: of the run.
+      name: of the file: that of the learned policy, or of the calm one beside it.
+
     Raises:
-      DamagedError: if policy.npz cannot be read, or is not that of a policy.
+      DamagedError: if the file cannot be read, or is not that of a policy.
     """
-    saved = read_policy(folder)
     try:
-        gain, mean, covariance = (saved[name].astype(np.float64) for name in ("gain", "mean", "covariance"))
-        (steps, d) = mean.shape
-        if gain.shape[0] != d or gain.ndim != 2 or covariance.shape != (steps, d, d):
-            raise ValueError(f"arrays of the shapes {gain.shape}, {mean.shape} and {covariance.shape} are no policy")
-        return Policy(gain, mean, covariance, float(saved["correlation"]))
+        return policy_of(read_policy(folder, name))
     except (KeyError, ValueError, TypeError) as error:
-        raise DamagedError(f"policy.npz cannot be read ({error})") from error
+        raise DamagedError(f"{name} cannot be read ({error})") from error
