@@ -38,6 +38,22 @@ def substeps(task: Task, timestep: float) -> int:
     return count
 
 
+def of_forces(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Which of a model's sensordata (nsensordata,) are what a step says of the forces and accelerations in it."""
+    return np.repeat(model.sensor_needstage == mujoco.mjtStage.mjSTAGE_ACC.value, model.sensor_dim)
+
+
+def sensors_at(model: mujoco.MjModel, data: mujoco.MjData, states: Array) -> Array:
+    """The sensors' values at full physics states (N, size), without a command: (N, nsensordata)."""
+    values = np.empty((len(states), model.nsensordata))
+    for row, state in zip(values, states, strict=True):
+        mujoco.mj_setState(model, data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS.value)
+        data.ctrl[:], data.qacc_warmstart[:] = 0.0, 0.0
+        mujoco.mj_forward(model, data)
+        row[:] = data.sensordata
+    return values
+
+
 @dataclass(frozen=True)
 class Trajectories:
     """N trajectories of at most T samples.
@@ -72,9 +88,7 @@ class Simulator:
         self._data.qpos[:], self._data.qvel[:] = qpos, qvel
         self._start = np.empty(mujoco.mj_stateSize(self._model, mujoco.mjtState.mjSTATE_FULLPHYSICS.value))
         mujoco.mj_getState(self._model, self._data, self._start, mujoco.mjtState.mjSTATE_FULLPHYSICS.value)
-        self._of_forces = np.repeat(
-            self._model.sensor_needstage == mujoco.mjtStage.mjSTAGE_ACC.value, self._model.sensor_dim
-        )  # of sensordata: what a step says of the forces and accelerations in it
+        self._of_forces = of_forces(self._model)
 
     @property
     def command_range(self) -> tuple[Array, Array]:
@@ -119,7 +133,7 @@ class Simulator:
         sound = np.ones((steps, n), dtype=np.bool_)
         sensed, known = task.sensed, task.width
         if sensed is not None:
-            forces = self._at_start(state)
+            forces = sensors_at(self._model, self._data, state)
             known -= sensed(forces).shape[1]
         transposed_gain = np.ascontiguousarray(gain[:, :known].T)
         for t in range(steps):
@@ -181,13 +195,3 @@ class Simulator:
                 mujoco.mj_integratePos(self._model, qpos, push, 1.0)
                 row[1 : 1 + nq] = qpos
         return state
-
-    def _at_start(self, state: Array) -> Array:
-        """The sensors' values at s_0, without a command: (N, nsensordata)."""
-        values = np.empty((len(state), self._model.nsensordata))
-        for row, at in zip(values, state, strict=True):
-            mujoco.mj_setState(self._model, self._data, at, mujoco.mjtState.mjSTATE_FULLPHYSICS.value)
-            self._data.ctrl[:], self._data.qacc_warmstart[:] = 0.0, 0.0
-            mujoco.mj_forward(self._model, self._data)
-            row[:] = self._data.sensordata
-        return values

@@ -10,6 +10,7 @@ from tltlrl.errors import UserError
 from tltlrl.simulation.check_task import check_task
 from tltlrl.simulation.probe import ranges_seen
 from tltlrl.simulation.rollout import Simulator
+from tltlrl.simulation.stepping import Stepper
 from tltlrl.tasks.environment import environment
 from tltlrl.tasks.mjcf.robot import Robot, evaluation_of
 
@@ -119,6 +120,16 @@ def test_a_reference_passes_its_waypoints_and_its_commands_hold_it(robot):
     assert np.all(np.abs(commands) < held.command_scale)
     motion = Simulator(held).rollout(0 * held.feedback, commands[None], 0 * commands[None])
     assert np.abs(motion.features[0, :, :2] - motion.features[0, 0, :2]).max() < 1e-6
+
+
+def test_robots_that_are_stepped_one_command_at_a_time_move_as_in_the_rollout(robot):
+    task = robot(PAGE + SIGNALS)
+    commands = task.command_scale * np.random.default_rng(0).uniform(-1, 1, (2, task.steps, 2))
+    motion = Simulator(task).rollout(0 * task.feedback, commands, 0 * commands)
+    stepper = Stepper(task, 2)
+    for t in range(task.steps):
+        np.testing.assert_array_equal(stepper.features, motion.features[:, t])
+        stepper.step(commands[:, t])
 
 
 def test_starts_have_their_spread_and_nothing_is_drawn_without_it(robot):
