@@ -23,7 +23,7 @@ def shell(script, folder, **environment):
     done = subprocess.run(
         ["bash", "-euo", "pipefail", "-c", script],
         cwd=folder,
-        env=os.environ | environment,
+        env={name: value for name, value in os.environ.items() if name != "MUJOCO_GL"} | environment,  # a user's own
         capture_output=True,
         text=True,
         timeout=400,

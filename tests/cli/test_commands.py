@@ -45,7 +45,7 @@ def test_evaluate_counts_its_trials_and_repeats_with_the_same_seed(experiment, c
     assert [int(number) for number, _, _ in trials] == list(range(7))
     assert all((float(value) > 0) == (verdict == "satisfied") for _, value, verdict in trials)
     satisfied = sum(verdict == "satisfied" for _, _, verdict in trials)
-    assert re.search(r"^path of the end-effector: [\d.]+ m$", first, flags=re.MULTILINE)
+    assert re.search(r"^  path_length +[\d.]+  m, of the end-effector$", first, flags=re.MULTILINE)
     assert f"success rate {satisfied}/7 = {satisfied / 7:.2f}" in first
     assert tltl(capsys, "evaluate", experiment / RUN, "--trials", 7, "--seed", 3)[1] == first
     assert tltl(capsys, "evaluate", experiment / RUN, "--trials", 7, "--seed", 4)[1] != first
@@ -55,9 +55,9 @@ def test_the_tables_say_how_every_case_moves(experiment):
     rows = pd.read_csv(experiment / "summary.csv")
     assert (rows[["path_length", "acceleration_rms", "jerk_peak", "command_rms"]] > 0).all(axis=None)
     assert rows["commands_at_limit"].between(0, 1).all()
-    assert rows["seconds_to_verdict"].notna().eq(rows["satisfied"]).all()
+    assert rows["time_to_satisfaction"].notna().eq(rows["satisfied"]).all()
     report = (experiment / "report.md").read_text()
-    assert "| case | path of the end-effector, m |" in report.split("## How they move")[1]
+    assert "| case | path length |" in report.split("## How the learned policies move")[1]
 
 
 def test_plot_redraws_from_the_csv_alone(experiment, tmp_path, capsys):

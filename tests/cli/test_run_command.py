@@ -23,6 +23,9 @@ from tltlrl.cli import main as cli
 from tltlrl.experiments import manifest
 from tltlrl.resources import SPECS
 
+EXPERIMENTS = (
+    "reach_avoid, reach_avoid_best, toast, toast_best, toast_line, toast_rest, visit_in_order, visit_in_order_best"
+)
 SMALL = (
     "experiment=reach_avoid",
     "name=small",
@@ -362,7 +365,7 @@ def test_a_folder_that_is_not_ours_is_neither_written_nor_deleted(tmp_path, name
 
 
 MISTAKES = {
-    (): "tltl-run: say which experiment: experiment=NAME, one of: reach_avoid, toast, visit_in_order",
+    (): f"tltl-run: say which experiment: experiment=NAME, one of: {EXPERIMENTS}",
     ("experiment=reach_avoyd",): (
         "tltl-run: experiment=reach_avoyd: there is no such experiment; did you mean reach_avoid?"
     ),
@@ -446,10 +449,10 @@ MISTAKES = {
     ("reach_avoid",): "tltl-run: reach_avoid: did you mean experiment=reach_avoid?",
     ("help",): "tltl-run: help: did you mean --help?",
     ("experiment=3",): (
-        "tltl-run: experiment=3: there is no such experiment; there are: reach_avoid, toast, visit_in_order"
+        f"tltl-run: experiment=3: there is no such experiment; there are: {EXPERIMENTS}"
     ),
     ("experiment=null",): (
-        "tltl-run: experiment=null: there is no such experiment; there are: reach_avoid, toast, visit_in_order"
+        f"tltl-run: experiment=null: there is no such experiment; there are: {EXPERIMENTS}"
     ),
     ("~experiment",): (
         "tltl-run: name: it has no value; experiment=NAME gives it one (a file of your own for that begins with the "
@@ -624,7 +627,12 @@ def test_the_commands_answer_ctrl_c_before_they_import_what_takes_time(tmp_path)
 def test_help_is_for_people_who_do_not_know_hydra(tmp_path):
     code, output, _ = run(tmp_path, "--help")
     assert code == 0
-    for line in ("Examples", "Experiments: reach_avoid, toast, visit_in_order", "samples: 20", "Exit codes:"):
+    for line in (
+        "Examples",
+        "Experiments: reach_avoid, reach_avoid_best, toast, toast_best",
+        "samples: 20",
+        "Exit codes:",
+    ):
         assert line in output
     assert re.search(r"^    epsilon: 1.0 +# bound of the samples' KL per update, nats", output, re.MULTILINE)
     assert re.search(r"^    steps: 200 +# samples of one episode$", output, re.MULTILINE)
@@ -669,7 +677,7 @@ def test_an_experiment_of_ones_own_in_a_config_folder(tmp_path):
             ["experiment=mine", "sedes=3"],
             "sedes: no such key; did you mean seeds?",
         ),
-        (b"", [], "say which experiment: experiment=NAME, one of: mine, reach_avoid, toast"),
+        (b"", [], "say which experiment: experiment=NAME, one of: mine, reach_avoid, reach_avoid_best, toast"),
     ],
 )
 def test_a_mistake_in_an_experiment_of_ones_own_is_told(tmp_path, capsys, content, arguments, message):

@@ -201,7 +201,7 @@ def test_a_failed_trial_is_told_and_the_search_goes_on(tmp_path, monkeypatch, ca
         (("reward.c9=interval(0,1)",), "reward.c9: no such key; did you mean"),
         (("algorithm.covariance=damped,publishd",), "there is no publishd; did you mean published?"),
         (("algorithm.samples=interval(4,8)",), "algorithm.samples: "),
-        (("seeds=1,2",), "seeds: it cannot be searched"),
+        (("seeds=choice(1,2)",), "seeds: it cannot be searched"),
         (("reward.c2=tag(log,interval(0,1))",), "reward.c2: tag(log,interval(0,1)) cannot be searched; there are"),
         (("reward.c2=interval(0,inf)",), "reward.c2: interval(0,inf) cannot be searched; there are"),
         (("reward=null", "reward.c2=0.1,0.2"), "reward=null: there is no such reward; there are: reach_avoid"),

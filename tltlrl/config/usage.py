@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
@@ -32,9 +33,9 @@ Constants of the spec are set with constants.NAME=value. To start from a learned
 policy=runs/NAME/CASE/seed_0/policy.npz. The results go to <runs_dir>/<name>;
 the same command again finishes what is missing there. Ctrl-C keeps what is done.
 
-Experiments: {experiments}
-Tasks: {tasks}
-Specs that come with tltlrl: {specs}
+{experiments}
+{tasks}
+{specs}
 
 Keys and their values for {shown} (another one's: --help experiment=NAME):
 
@@ -63,12 +64,16 @@ def usage(overrides: Sequence[str]) -> str:
     elif shown.startswith("task=") and "spec" not in given and spec_of(given["task"]) is None:
         chosen.append("spec=my_task.tltl")
     return USAGE.format(
-        experiments=", ".join(experiments),
-        tasks=", ".join(names("task")),
-        specs=", ".join(path.name for path in sorted(SPECS.glob("*.tltl"))),
+        experiments=_listed("Experiments", experiments),
+        tasks=_listed("Tasks", names("task")),
+        specs=_listed("Specs that come with tltlrl", [path.name for path in sorted(SPECS.glob("*.tltl"))]),
         shown=shown,
         config="".join(f"  {line}\n" for line in _described(compose(chosen))),
     )
+
+
+def _listed(what: str, members: Sequence[str]) -> str:
+    return "\n".join(_wrapped(", ".join(members), "  ", f"{what}: "))
 
 
 def _described(settings: Mapping[str, Any]) -> list[str]:
@@ -99,4 +104,10 @@ def _line(key: str, value: Any, meaning: str | None) -> list[str]:
     if meaning is None:
         return [first, *more]
     beside = f"{first:<29}  # {meaning}"
-    return [beside, *more] if len(beside) <= WIDTH else [f"# {meaning}", first, *more]
+    return [beside, *more] if len(beside) <= WIDTH else [*_wrapped(meaning, "# "), first, *more]
+
+
+def _wrapped(text: str, indent: str, first: str | None = None) -> list[str]:
+    """Lines of a text that fit, two of the widest indents allowed for."""
+    begin = indent if first is None else first
+    return textwrap.wrap(text, WIDTH - 4, initial_indent=begin, subsequent_indent=indent, break_on_hyphens=False)

@@ -23,7 +23,10 @@ def beyond(meaning: Meaning, signals: Signals) -> tuple[Truth, float] | None:
     steps = next(iter(signals.values())).shape[1]
     parts = _read_on_suffixes(meaning.formula)
     nodes = sorted({part.node for part in parts})
-    values = plan(meaning.graph, dict.fromkeys(nodes, (0, steps)), steps).run(signals)
+    try:
+        values = plan(meaning.graph, dict.fromkeys(nodes, (0, steps)), steps).run(signals)
+    except FloatingPointError:  # an expression has no finite value on this one trajectory; on others it may have
+        return None
 
     def look(part: Truth, at_start: bool) -> tuple[Truth, float] | None:
         if part.predicate is not None:
