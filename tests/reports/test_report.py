@@ -92,5 +92,37 @@ def test_how_policies_move_stands_in_the_summary_and_as_medians_in_the_report():
     assert list(table["path_length"].fillna(-1)) == [2.0, 5.0, -1.0]
     lines = motion_lines(table)
     assert lines[5:] == [
-        "| case | path length |", "|---|---|", "| a | 3.5 |", "| b |  |", "", "- path length: m, of the end-effector",
-    ]  # fmt: skip
+        "| case | robustness | successful trials | path length |",
+        "|---|---|---|---|",
+        "| a | 0.5 | 8 of 8 | 3.5 |",
+        "| b | 0.5 | 4 of 4 |  |",
+        "",
+        "- path length: m, of the end-effector",
+    ]
+
+
+def test_calm_motions_stand_below_the_learned_ones_that_they_are_of():
+    """The motion of a policy that violates the spec is not simplified, and its cells stay empty."""
+    results = finished(("a", 0, [], []), ("a", 1, [LATE], [LATE]), ("b", 0, [LATE], []))
+    curves = pd.DataFrame(
+        {"task": "t", "case": case, "seed": seed, "iteration": 0, "robustness_policy": 0.5, "robustness_mean": 0.25}
+        for case, seed in (("a", 0), ("a", 1), ("b", 0))
+    )
+    for done in results.values():
+        done |= {"robustness_policy": 0.5, "outcomes": {"rests": 3}, "motion": {"path_length": 8.0}, "calm": None}
+    first, *_ = results.values()
+    first["calm"] = {"episodes": 300, "robustness_policy": 0.4, "successes": 2}
+    first["calm"] |= {"outcomes": {"rests": 1}, "motion": {"path_length": 2.0}}
+    table = summarise(curves, results)
+    assert list(table["calm_path_length"].fillna(-1)) == [2.0, -1.0, -1.0]
+    assert list(table["calm_rests"].fillna(-1)) == [1, -1, -1]
+    assert list(table.columns)[-1] == "rests"  # what is judged of trials stands at the end
+    lines = motion_lines(table)
+    assert lines[7:12] == [
+        "| a | 0.5 | 7 of 8 | 8 |",
+        "| a, calm | 0.4 | 2 of 4 | 2 |",
+        "| b | 0.5 | 4 of 4 | 8 |",
+        "",
+        "Calm: the learned motion, simplified afterwards by shortcuts that keep its robustness above 70% of what was "
+        "learned; 1 of 3 could be, with 300 more episodes each (median).",
+    ]

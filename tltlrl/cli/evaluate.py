@@ -11,11 +11,13 @@ from scipy.stats import binomtest
 
 from tltlrl.errors import UserError
 from tltlrl.experiments.experiment import open_run
+from tltlrl.learning.policy import Policy
 from tltlrl.simulation.motion import MEASURES, measures
 from tltlrl.simulation.rollout import Simulator
 from tltlrl.simulation.trials import mean_motion
 from tltlrl.training.build import make_task
-from tltlrl.training.study import MOST_TRIALS
+from tltlrl.training.session import calm_policy
+from tltlrl.training.study import MOST_TRIALS, Run
 from tltlrl.training.verdict import try_policy
 
 
@@ -37,15 +39,34 @@ def evaluate(arguments: Namespace) -> int:
     if not 1 <= arguments.trials <= MOST_TRIALS or arguments.seed < 0:
         raise UserError(f"--trials must lie between 1 and {MOST_TRIALS}, and --seed be at least 0")
     run, policy = open_run(arguments.run)
-    tried = try_policy(run, policy, arguments.trials, np.random.default_rng(arguments.seed))
+    calm = calm_policy(arguments.run)
+    if calm is not None:
+        print("the learned policy:")
+    show(run, policy, arguments.trials, arguments.seed)
+    if calm is not None:
+        print("\nthe calm policy, simplified from it:")
+        show(run, calm, arguments.trials, arguments.seed)
+    return 0
+
+
+def show(run: Run, policy: Policy, count: int, seed: int) -> None:
+    """Trials of a policy, their success rate, and how it moves without noise.
+
+    Args:
+      run: that the policy is of.
+      policy: what is tried.
+      count: trials.
+      seed: of the actuators' noise.
+    """
+    tried = try_policy(run, policy, count, np.random.default_rng(seed))
     for trial, why in enumerate(run.spec.explain(tried.signals, tried.lengths)):
         judged = "".join(f"; {name}: {'yes' if values[trial] else 'no'}" for name, values in tried.outcomes.items())
         print(f"trial {trial}: robustness {why.value:+.4f}, {why.verdict}; decided {why.decided_by}{judged}")
     for name, successes in {"success": tried.robustness > 0, **tried.outcomes}.items():
-        count = int(np.sum(successes))
-        interval = binomtest(count, arguments.trials).proportion_ci(method="wilson")
+        good = int(np.sum(successes))
+        interval = binomtest(good, count).proportion_ci(method="wilson")
         print(
-            f"{name} rate {count}/{arguments.trials} = {count / arguments.trials:.2f} "
+            f"{name} rate {good}/{count} = {good / count:.2f} "
             f"(95 % Wilson interval {interval.low:.2f} to {interval.high:.2f})"
         )
     task = make_task(run.task)
@@ -55,4 +76,3 @@ def evaluate(arguments: Namespace) -> int:
     for name, value in found.items():
         if value is not None:
             print(f"  {name:<20} {value:8.3f}  {MEASURES[name]}")
-    return 0

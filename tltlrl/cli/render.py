@@ -11,6 +11,7 @@ from tltlrl.reports.video import render_motion
 from tltlrl.reports.workspace import draw_workspace
 from tltlrl.store.layout import WORKSPACE
 from tltlrl.training.build import make_task
+from tltlrl.training.session import calm_policy
 
 
 def add_parser(subparsers: Any, about: str) -> None:
@@ -30,9 +31,13 @@ def render(arguments: Namespace) -> int:
     run, policy = open_run(arguments.run)
     folder = arguments.output or arguments.run
     folder.mkdir(parents=True, exist_ok=True)
-    if make_task(run.task).skeleton is not None:
-        draw_workspace(run, policy, folder / WORKSPACE)
-        print(f"{folder}/{WORKSPACE}.png, .pdf: the paths")
-    render_motion(run, policy, folder / "motion")
-    print(f"{folder}/motion.gif: the motion; motion.png: frames of it")
+    calm = calm_policy(arguments.run)
+    for motion, suffix, what in ((policy, "", ""), (calm, "_calm", ", made calm")):
+        if motion is None:
+            continue
+        if make_task(run.task).skeleton is not None:
+            draw_workspace(run, motion, folder / f"{WORKSPACE}{suffix}")
+            print(f"{folder}/{WORKSPACE}{suffix}.png, .pdf: the paths{what}")
+        render_motion(run, motion, folder / f"motion{suffix}")
+        print(f"{folder}/motion{suffix}.gif: the motion{what}; motion{suffix}.png: frames of it")
     return 0

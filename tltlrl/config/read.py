@@ -125,7 +125,7 @@ def _refinement(values: Mapping[str, Any], learners: Iterable[str]) -> dict[str,
     where, after = "algorithm.refine", changed.pop("after", None)
     if type(after) is not int or after < 1:
         raise UserError(f"{where}.after: expected the iterations of the first stage, a whole number, not {after!r}")
-    same = [name for name in ("iterations", "samples", "told", "keep", "refine") if name in changed]
+    same = [name for name in ("iterations", "samples", "told", "calm", "keep", "refine") if name in changed]
     if same:
         raise UserError(
             f"{where}.{same[0]}: it is the same in both stages; set algorithm.{same[0]}, and leave it out here"

@@ -19,7 +19,10 @@ from tltlrl.store.files import write_text
 from tltlrl.store.layout import CURVES, FIGURE, PROGRESS, REPORT, SUMMARY, SUMMARY_PAGE, WORKSPACE, run_of
 from tltlrl.tasks.task import Task
 from tltlrl.training.build import make_task
+from tltlrl.training.calm import SHARE
 from tltlrl.training.study import Study
+
+CALM = "calm_"  # before the names of the columns of calm motions
 
 
 def write_report(
@@ -69,6 +72,7 @@ def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) 
       outcomes: folder of the run => its done.json, in the order of the rows.
     """
     rows = []
+    asked = any("calm" in done for done in outcomes.values())
     runs = curves.groupby(["case", "seed"], sort=False)
     for path, done in outcomes.items():
         case, seed = run_of(path)
@@ -85,13 +89,23 @@ def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) 
                 "robustness_mean_last": run["robustness_mean"].iloc[-1],
                 "robustness_mean_over_run": run["robustness_mean"].mean(),
                 **{name: done.get("motion", {}).get(name) for name in MEASURES},  # results of 0.1 have none
+                **(_of_calm(done.get("calm") or {}) if asked else {}),
                 "trials": done["trials"],
                 "successes": done["successes"],
                 "success_rate": done["successes"] / done["trials"],
                 **done["outcomes"],
             }
         )
-    return pd.DataFrame(rows).astype({"first_satisfied_iteration": "Int64"} | dict.fromkeys(MEASURES, "float64"))
+    kinds = {name: "float64" for name in rows[0] if name.removeprefix(CALM) in MEASURES}
+    kinds |= {name: "Int64" for name in rows[0] if name in (f"{CALM}episodes", f"{CALM}successes")}
+    return pd.DataFrame(rows).astype({"first_satisfied_iteration": "Int64"} | kinds)
+
+
+def _of_calm(done: Mapping[str, Any]) -> dict[str, Any]:
+    """The columns of a calm motion; empty ones where there is none, as the learned one violates the spec."""
+    values = {name: done.get(name) for name in ("episodes", "robustness_policy", "successes")}
+    values |= done.get("outcomes", {}) | {name: done.get("motion", {}).get(name) for name in MEASURES}
+    return {f"{CALM}{name}": value for name, value in values.items()}
 
 
 def summary_page(study: Study, summary: pd.DataFrame, failures: Mapping[str, str]) -> str:
@@ -162,23 +176,41 @@ def picture_lines(task: Task, finished: Mapping[Path, Mapping[str, Any]]) -> lis
 
 
 def motion_lines(summary: pd.DataFrame) -> list[str]:
-    """How the learned policies move: of every case the median of each measure over the seeds."""
+    """How the learned policies move, and the calm ones: of every case the median of each measure over the seeds."""
     known = [name for name in MEASURES if summary[name].notna().any()]
     if not known:
         return []
+    heads = {name: name.replace("_", " ").replace("rms", "RMS") for name in known}
+    shown = ["robustness_policy", *known]
     lines = [
         "",
         "## How the learned policies move",
         "",
         "Of the noise-free motion of the mean policy, the median over the seeds.",
         "",
-        "| case |" + "".join(f" {name.replace('_', ' ').replace('rms', 'RMS')} |" for name in known),
-        "|---" * (1 + len(known)) + "|",
+        "| case | robustness | successful trials |" + "".join(f" {heads[name]} |" for name in known),
+        "|---" * (3 + len(known)) + "|",
     ]
     for case, rows in summary.groupby("case", sort=False):
-        medians = (rows[name].median() for name in known)
-        lines.append(f"| {case} |" + "".join(f" {value:.3g} |" if np.isfinite(value) else "  |" for value in medians))
-    return [*lines, "", *(f"- {name.replace('_', ' ').replace('rms', 'RMS')}: {MEASURES[name]}" for name in known)]
+        lines.append(f"| {case} | {_medians(rows, rows['successes'], shown)}")
+        if f"{CALM}episodes" in rows and (calm := rows[rows[f"{CALM}episodes"].notna()]).size:
+            medians = _medians(calm, calm[f"{CALM}successes"], [f"{CALM}{name}" for name in shown])
+            lines.append(f"| {case}, calm | {medians}")
+    if f"{CALM}episodes" in summary:
+        episodes = summary[f"{CALM}episodes"]
+        lines += [
+            "",
+            f"Calm: the learned motion, simplified afterwards by shortcuts that keep its robustness above {SHARE:.0%} "
+            f"of what was learned; {episodes.count()} of {len(summary)} could be, with "
+            f"{episodes.median():.0f} more episodes each (median)."
+        ]  # fmt: skip
+    return [*lines, "", *(f"- {heads[name]}: {MEASURES[name]}" for name in known)]
+
+
+def _medians(rows: pd.DataFrame, successes: pd.Series, names: Sequence[str]) -> str:
+    """Cells: the median robustness, successful trials, the medians of what else is named."""
+    first, *others = (f"{value:.3g}" if np.isfinite(value) else "" for value in (rows[name].median() for name in names))
+    return " | ".join([first, f"{successes.sum()} of {rows['trials'].sum()}", *others]) + " |"
 
 
 def trial_lines(summary: pd.DataFrame, finished: Mapping[Path, Mapping[str, Any]], timestep: float) -> list[str]:

@@ -21,10 +21,11 @@ CURVES, SUMMARY, SUMMARY_PAGE, REPORT, FIGURE = (
 # Of a case.
 WORKSPACE = "workspace"
 # Of a run.
-PROGRESS, TIMING, POLICY, DONE, CHECKPOINT = (
+PROGRESS, TIMING, POLICY, CALM, DONE, CHECKPOINT = (
     "progress.csv",
     "timing.csv",
     "policy.npz",
+    "calm.npz",
     "done.json",
     "checkpoint.npz",
 )

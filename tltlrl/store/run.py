@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tltlrl.store.files import digest, read_arrays, write_arrays, write_json
-from tltlrl.store.layout import CHECKPOINT, DONE, POLICY, PROGRESS, TIMING
+from tltlrl.store.layout import CALM, CHECKPOINT, DONE, POLICY, PROGRESS, TIMING
 
 SEAL, RUN = "sha256", "run"  # keys of done.json
 STATE = "state."  # before the names of the learner's arrays in checkpoint.npz
@@ -40,17 +40,25 @@ class Checkpoint:
 
 
 def write_results(
-    folder: Path, identity: str, policy: Mapping[str, NDArray[np.generic]], results: Mapping[str, Any]
+    folder: Path,
+    identity: str,
+    policy: Mapping[str, NDArray[np.generic]],
+    results: Mapping[str, Any],
+    calm: Mapping[str, NDArray[np.generic]] | None = None,
 ) -> None:
-    """policy.npz and, last, done.json: the results and the seal of everything they belong to.
+    """policy.npz, calm.npz if there is one and, last, done.json: the results and the seal of everything they belong to.
 
     Args:
       folder: of the run, with its whole progress.csv.
       identity: of the run; see `tltlrl.training.study.Run.identity`.
       policy: the arrays of the learned one.
       results: plain data.
+      calm: the arrays of the policy of the calm motion, if there is one.
     """
     write_arrays(folder / POLICY, **policy)
+    (folder / CALM).unlink(missing_ok=True)
+    if calm is not None:
+        write_arrays(folder / CALM, **calm)
     write_json(folder / DONE, {**results, SEAL: _seals(folder, identity, results)})
     drop_checkpoint(folder)
 
@@ -84,24 +92,24 @@ def read_results(folder: Path, identity: str) -> dict[str, Any] | None:
 
 
 def _seals(folder: Path, identity: str, results: Mapping[str, Any]) -> dict[str, str]:
+    files = [PROGRESS, POLICY, *([CALM] if results.get("calm") else [])]
     return {
         RUN: identity,
         DONE: digest(json.dumps(results, sort_keys=True).encode()),
-        PROGRESS: digest((folder / PROGRESS).read_bytes()),
-        POLICY: digest((folder / POLICY).read_bytes()),
+        **{name: digest((folder / name).read_bytes()) for name in files},
     }
 
 
-def read_policy(folder: Path) -> dict[str, NDArray[np.generic]]:
-    """The arrays of policy.npz of a finished run.
+def read_policy(folder: Path, name: str = POLICY) -> dict[str, NDArray[np.generic]]:
+    """The arrays of a policy of a finished run, policy.npz or calm.npz.
 
     Raises:
       DamagedError: if it cannot be read.
     """
     try:
-        return read_arrays(folder / POLICY)
+        return read_arrays(folder / name)
     except UNREADABLE as error:
-        raise DamagedError(f"{POLICY} cannot be read ({error})") from error
+        raise DamagedError(f"{name} cannot be read ({error})") from error
 
 
 def write_checkpoint(folder: Path, identity: str, checkpoint: Checkpoint) -> None:

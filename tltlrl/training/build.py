@@ -158,6 +158,8 @@ def check(study: Study) -> None:
             make_learner(run, stage)
             first_policy(task, stage.algorithm)
         make_reward(run)
+    if study.algorithm.calm and task.joints is None:
+        raise UserError(f"algorithm.calm: {task.name} does not say what its joints are (Task.joints); leave it 0")
     _check_signals(study.spec, task)
     task.make_physics()
 

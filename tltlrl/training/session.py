@@ -18,7 +18,7 @@ from tltlrl.errors import UserError
 from tltlrl.learning.learner import Learner
 from tltlrl.learning.policy import Policy
 from tltlrl.store.files import clear_leftovers, naming, write_bytes
-from tltlrl.store.layout import DONE, PROGRESS, TIMING
+from tltlrl.store.layout import CALM, DONE, POLICY, PROGRESS, TIMING
 from tltlrl.store.lock import BusyError, held
 from tltlrl.store.run import (
     Checkpoint,
@@ -32,6 +32,7 @@ from tltlrl.store.run import (
     write_results,
 )
 from tltlrl.training.build import first_policy, make_learner, refined_policy, set_up
+from tltlrl.training.calm import calmed
 from tltlrl.training.loop import iterate
 from tltlrl.training.study import Run
 from tltlrl.training.verdict import judge, robustness_of
@@ -61,7 +62,9 @@ class Progress:
 
 
 def train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
-    """Does what is missing of a run: progress.csv, timing.csv, policy.npz and, last, done.json.
+    """Does what is missing of a run: progress.csv, timing.csv, policy.npz, calm.npz and, last, done.json.
+
+    A run that was stopped while its motion was made calm begins that anew, from the last checkpoint.
 
     Args:
       run: what to do.
@@ -140,7 +143,11 @@ def _train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
     policy = setup.learner.policy(stands.state)
     if run.algorithm.keep == "best":
         policy = stands.seen(policy, robustness_of(run, setup, policy)).best
-    write_results(folder, identity, arrays_of(policy), judge(run, setup, policy))
+    results = judge(run, setup, policy)
+    calm = calmed(run, setup, policy) if run.algorithm.calm else None
+    if run.algorithm.calm:
+        results["calm"] = calm and judge(run, setup, calm.policy) | {"episodes": calm.episodes}
+    write_results(folder, identity, arrays_of(policy), results, arrays_of(calm.policy) if calm else None)
 
 
 def _write_row(file: TextIO, row: dict[str, Any], header: bool) -> None:
@@ -206,13 +213,22 @@ def from_arrays(like: Any, arrays: Mapping[str, np.ndarray]) -> Any:
     return type(like)(**values)
 
 
-def learned_policy(folder: Path) -> Policy:
+def calm_policy(folder: Path) -> Policy | None:
+    """The policy of the calm motion that a finished run has left beside the learned one; None if it has not.
+
+    Raises:
+      DamagedError: if calm.npz cannot be read, or is not that of a policy.
+    """
+    return learned_policy(folder, CALM) if (folder / CALM).exists() else None
+
+
+def learned_policy(folder: Path, name: str = POLICY) -> Policy:
     """The policy that a finished run has left.
 
     Raises:
-      DamagedError: if policy.npz cannot be read, or is not that of a policy.
+      DamagedError: if its file cannot be read, or is not that of a policy.
     """
-    saved = read_policy(folder)
+    saved = read_policy(folder, name)
     try:
         gain, mean, covariance = (saved[name].astype(np.float64) for name in ("gain", "mean", "covariance"))
         (steps, d) = mean.shape
@@ -220,4 +236,4 @@ def learned_policy(folder: Path) -> Policy:
             raise ValueError(f"arrays of the shapes {gain.shape}, {mean.shape} and {covariance.shape} are no policy")
         return Policy(gain, mean, covariance, float(saved["correlation"]))
     except (KeyError, ValueError, TypeError) as error:
-        raise DamagedError(f"policy.npz cannot be read ({error})") from error
+        raise DamagedError(f"{name} cannot be read ({error})") from error

@@ -23,6 +23,7 @@ LATER = {  # than 0.1, with their defaults
     "basis": 0,
     "told": "robustness",
     "keep": "last",
+    "calm": 0,
     "refine": {},
     "batches": 1,
 }
@@ -56,6 +57,13 @@ class AlgorithmConfig:
         "the policy that a run ends with: the last, or the best of those whose mean motion was simulated",
         "last",
         choices=("last", "best"),
+    )
+    calm: int = setting(
+        "batches of 20 shortcuts that make the learned motion calm afterwards, beside what was learned; 0: none",
+        0,
+        least=0,
+        most=MOST_SAMPLES,
+        budget=True,
     )
     refine: dict[str, Any] = setting(
         "a second stage about the motion that the first one learned: after (iterations), and any other key of "
