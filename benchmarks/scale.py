@@ -16,7 +16,7 @@ from tltlrl.config.compose import compose
 from tltlrl.config.read import read
 from tltlrl.experiments.experiment import finished, run_folder, survey
 from tltlrl.learning.policy import Policy
-from tltlrl.reports.plotting import plot_learning_curves, read_curves
+from tltlrl.reports.plotting import plot_learning_curves, read_curves, titled
 from tltlrl.reports.report import write_report
 from tltlrl.store.layout import PROGRESS
 from tltlrl.store.run import write_results
@@ -92,7 +92,7 @@ def rows() -> list[Row]:
                 make_up(run, run_folder(folder / experiment.name, run))
         taken, memory = summarise(folder, experiments)
         paths = [folder / experiment.name for experiment in experiments]
-        plotting = seconds(lambda: plot_learning_curves([read_curves(p) for p in paths], folder / "all"))
+        plotting = seconds(lambda: plot_learning_curves(titled(paths, [read_curves(p) for p in paths]), folder / "all"))
     size = max(len(pickle.dumps(run)) for run in runs)
     what = f"{len(runs)} runs of {ITERATIONS} iterations"
     return [

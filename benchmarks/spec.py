@@ -96,6 +96,8 @@ def rows() -> list[tuple[str, float, float | None, str]]:
     """Name, measured value, target, and how the two compare (`>=` or `<=`)."""
     unbounded = "G (x < 1 => F (x > 0)) & ((x < 1) U (x > 2)) & ((x > 1) T (x < 0))"
     bounded = "G[0,50] F[0,100] (x > 0) & ((x < 1) U[5,60] (x > 2))"
+    past = "G (x < 1 => once (x > 0)) & ((x < 1) since (x > 2)) & historically rise(x > 1) & x - previous(x) < 1"
+    bounded_past = "historically[0,50] once[0,100] (x > 0) & ((x < 1) since[5,60] (x > 2)) & ((x < 1) T[5,60] (x > 2))"
     found: list[tuple[str, float, float | None, str]] = [
         (
             "reach_avoid (30, 200): sentil / ours",
@@ -116,7 +118,8 @@ def rows() -> list[tuple[str, float, float | None, str]]:
             ">=",
         ),
     ]
-    for kind, text in (("unbounded", unbounded), ("bounded", bounded)):
+    kinds = {"unbounded": unbounded, "bounded": bounded, "past": past, "bounded past and T": bounded_past}
+    for kind, text in kinds.items():
         for steps in (1_000, 10_000, 100_000):
             ratio = growth(text, (10, 100), (10, steps))
             found.append((f"{kind}, N = 10: time per sample, T = {steps} / T = 100", ratio, 2.0, "<="))

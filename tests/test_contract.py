@@ -20,11 +20,15 @@ from tltlrl.logic import load_spec
 from tltlrl.registry import LEARNERS, TASKS
 from tltlrl.resources import CONFIGS, SPECS, spec_path
 from tltlrl.simulation.rollout import Simulator
+from tltlrl.store.run import read_results
 from tltlrl.tasks.environment import environment
 from tltlrl.training import build
 from tltlrl.training.loop import iterate
+from tltlrl.training.session import train
 
 SPEC_NAMES = sorted(path.stem for path in SPECS.glob("*.tltl"))
+
+BEST = ["reach_avoid_best", "visit_in_order_best", "toast_best", "toast_line", "toast_rest"]  # no published figure
 
 
 def make(name):
@@ -101,14 +105,38 @@ def test_a_reward_is_the_same_on_any_stretches_of_an_episode(name, cuts, seed):
 
 
 def test_every_case_takes_an_iteration(task):
-    cases = ["tltl_episodic", *(f"{r}_{name}" for r in TASKS.get(task.name).hand_made for name in LEARNERS.built_in)]
-    study, _ = read(compose([f"experiment={task.name}", f"cases=[{','.join(cases)}]", "seeds=1"]))
-    for run in study.runs():
+    own = [f"{reward}_{name}" for reward in TASKS.get(task.name).hand_made for name in LEARNERS.built_in]
+    full = ["tltl_episodic", *(case for case in own if not case.endswith("_cma"))]
+    few = ["tltl_episodic", "tltl_cma", *(case for case in own if not case.endswith("_step"))]
+    settings = [f"experiment={task.name}", "seeds=1"]
+    studies = [
+        read(compose([*settings, f"cases=[{','.join(full)}]"]))[0],
+        read(compose([*settings, f"cases=[{','.join(few)}]", "algorithm.basis=4"]))[0],
+    ]
+    for run in itertools.chain(*(study.runs() for study in studies)):
         setup = build.set_up(run)
         policy = build.first_policy(setup.task, run.algorithm)
         result = iterate(run, setup, setup.learner.start(policy), 0)
         assert np.isfinite(list(result.record.values())).all(), run.case
         assert not np.array_equal(setup.learner.policy(result.state).mean, policy.mean), run.case
+
+
+@pytest.mark.parametrize("name", BEST)
+def test_what_is_best_trains(name, tmp_path):
+    """Its second stage included."""
+    study, _ = read(compose([f"experiment={name}", "algorithm.iterations=2", "seeds=1", "trials=1"]))
+    for run in study.runs():
+        if run.refine is not None:
+            run = dataclasses.replace(run, refine=dataclasses.replace(run.refine, first=1))
+        train(run, tmp_path / run.case.name, lambda _: None)
+        assert read_results(tmp_path / run.case.name, run.identity())["iterations"] == 2
+
+
+@pytest.mark.parametrize("name", BEST)
+def test_what_is_best_is_one_case(name):
+    study, _ = read(compose([f"experiment={name}"]))
+    assert study.name == name
+    assert len(study.cases) == 1
 
 
 def test_the_first_policy_commands_the_reference_along_the_reference(task):

@@ -4,10 +4,14 @@ import os
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+from tltlrl.config.compose import as_meant, compose, searchpath
+from tltlrl.config.read import read
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()
@@ -86,6 +90,27 @@ def test_python_code_says_what_it_gives():
     np.testing.assert_allclose(names["spec"].robustness({"x": names["x"]}), [0.1, -0.1])
     assert "array([ 0.1, -0.1])" in code
     assert names["env"].reset().first()
+
+
+def test_the_page_of_a_package_index_needs_no_checkout():
+    """Relative links and pictures would be dead there; its code says what it gives, and its commands are real."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    page = (ROOT / project["readme"]).read_text(encoding="utf-8")
+    assert not re.findall(r"\]\((?!https://)", page)
+    assert "\npip install tltlrl " in page
+    assert project["license"] in page
+    code = re.search(r"^```python\n(.*?)^```", page, flags=re.MULTILINE | re.DOTALL)[1]
+    assert code in README  # where it is tested
+    for command in re.findall(r"^tltl-run (.*)$", page, flags=re.MULTILINE):
+        read(compose([as_meant(override) for override in command.split()]))
+
+
+def test_an_experiment_of_ones_own_as_documented(tmp_path):
+    page = (ROOT / "docs/configs.md").read_text(encoding="utf-8")
+    (tmp_path / "experiment").mkdir()
+    (tmp_path / "experiment/short.yaml").write_text(re.search(r"```yaml\n(.*?)```", page, flags=re.DOTALL)[1])
+    study, _ = read(compose([*searchpath(tmp_path), "experiment=short"]))
+    assert (study.name, study.seeds, study.task.steps, study.algorithm.samples) == ("short", (3,), 30, 4)
 
 
 @pytest.mark.parametrize("path", re.findall(r"\]\(([^)#:]+)\)", README) + re.findall(r"`(tltlrl/[\w/.]+)`", README))

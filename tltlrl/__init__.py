@@ -4,14 +4,19 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from tltlrl.experiments.learn import learn
     from tltlrl.logic import SpecError, TraceError, load_spec, parse_spec
     from tltlrl.simulation.check_task import check_task
     from tltlrl.tasks.load import load_task
 
 __version__ = "0.2.0"
-__all__ = ["SpecError", "TraceError", "check_task", "load_spec", "load_task", "parse_spec"]
+__all__ = ["SpecError", "TraceError", "check_task", "learn", "load_spec", "load_task", "parse_spec"]
 
-_HOMES = {"check_task": "tltlrl.simulation.check_task", "load_task": "tltlrl.tasks.load"}
+_HOMES = {
+    "check_task": "tltlrl.simulation.check_task",
+    "learn": "tltlrl.experiments.learn",
+    "load_task": "tltlrl.tasks.load",
+}
 
 
 def __getattr__(name: str) -> Any:

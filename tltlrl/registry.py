@@ -77,5 +77,6 @@ LEARNERS = Registry(
     {
         "episodic": "tltlrl.learning.reps:EpisodeBased",
         "step": "tltlrl.learning.reps:StepBased",
+        "cma": "tltlrl.learning.cma:CmaEs",
     },
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from tltlrl.errors import UserError, nearest
@@ -18,13 +19,18 @@ CONFIGS = _folder("configs")
 SPECS = _folder("specs")
 
 
+def user_path(text: str) -> Path:
+    """A path that a user wrote, on a command line or in a config: ~ is the home folder, also where no shell saw it."""
+    return Path(os.path.expanduser(text))  # Path.expanduser raises for ~nobody
+
+
 def spec_path(name: str) -> Path:
     """A spec file: the user's own if `name` is a path to one, otherwise the one of that name shipped with tltlrl.
 
     Raises:
       UserError: if there is neither.
     """
-    for path in (Path(name), SPECS / name, SPECS / f"{name}.tltl"):
+    for path in (user_path(name), SPECS / name, SPECS / f"{name}.tltl"):
         if path.is_file():
             return path
     raise UserError(

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tltlrl.cli.check import add_parser, check
+from tltlrl.cli.check import add_arguments, check, run
 from tltlrl.cli.main import main
 from tltlrl.errors import UserError
 from tltlrl.logic import SpecError
@@ -33,10 +33,9 @@ def trace(tmp_path):
 
 
 def tltl(*arguments):
-    parser = argparse.ArgumentParser(prog="tltl")
-    add_parser(parser.add_subparsers(required=True), "about")
-    parsed = parser.parse_args(["check", *map(str, arguments)])
-    return parsed.command(parsed)
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    return run(parser.parse_args(list(map(str, arguments))))
 
 
 def test_without_a_trace(capsys):
@@ -52,7 +51,30 @@ def test_without_a_trace(capsys):
         "             obstacle = {1: (0.3, 2), 2: (-0.6, 0.6)}\n"
         "             obstacle_radius = {1: 0.5, 2: 0.4}\n"
         "horizon      the whole trajectory\n"
+        "warning      18:7: 'F G at_goal' is 'at_goal' at the last sample: nothing is asked of the others; to ask for "
+        "n samples write F G[0,n!] p, for once in each n samples G F[0,n?] p\n"
     )
+
+
+@pytest.mark.parametrize(
+    ("formula", "told"),
+    [
+        ("F[0,5] x < 1", "the formula looks at 6 samples and the trace ends after 2: windows are cut"),
+        (
+            "F x < 1 & F y < 20",
+            "the margins of 'y < 20' reach 25 here, those of 'x < 1' 0.75: min and max compare",
+        ),
+        ("F x < 1 & F y < 2", ""),
+        ("F x < 1 & holds(F y < 20)", ""),
+    ],
+)
+def test_what_is_easily_missed_in_a_trace_is_told(formula, told, tmp_path, capsys):
+    (tmp_path / "task.tltl").write_text(formula)
+    (tmp_path / "trace.csv").write_text("x,y\n0.5,5\n0.25,-5\n")
+    assert tltl(tmp_path / "task.tltl", tmp_path / "trace.csv") == 0
+    out = capsys.readouterr().out
+    assert told in out
+    assert ("warning" in out) == bool(told)
 
 
 @pytest.mark.parametrize("header", ["t,ee.x,ee.y", "t,ee[0],ee[1]", "time , ee.x , ee.y "])
@@ -171,6 +193,92 @@ def test_comments_in_a_trace(text, tmp_path):
     assert read_recording(tmp_path / "trace.csv").signals({"x": None})["x"].tolist() == [[0.5, 0.75]]
 
 
+@pytest.mark.parametrize("cells", ["True,False,False", "true, false, FALSE", "1,0,0", "1.0,0.0,0"])
+def test_cells_of_true_and_false(cells, tmp_path, capsys):
+    (tmp_path / "task.tltl").write_text("signal pressed: bool\nsignal y\nspec: G (pressed => F[0,1] y > 0)")
+    rows = "".join(f"{cell},{y}\n" for cell, y in zip(cells.split(","), [-1, 0.5, -1], strict=True))
+    (tmp_path / "trace.csv").write_text(f"pressed,y\n{rows}")
+    assert tltl(tmp_path / "task.tltl", tmp_path / "trace.csv") == 0
+    out = capsys.readouterr().out
+    assert "robustness   +0.5\n" in out
+    assert "pressed, true or false" in out
+
+
+PATROL = "signal ee[2]\nsignal v\nspec: G (ee.x < 1 & ee.y < 2 & v < 3)"
+
+
+@pytest.mark.parametrize(
+    ("text", "arguments"),
+    [
+        ("ee.x;ee.y;v\n0,5;1,5;0\n0,75;0;0\n", []),
+        ("ee.x;ee.y;v\n0.5;1.5;0\n0.75;0;0\n", []),
+        ("ee.x\tee.y\tv\n0.5\t1.5\t0\n0.75\t0\t0\n", []),
+        ("# run 7\nee.x;ee.y;v\n# pause\n0,5;1,5;0\n0,75;0;0\n", []),
+        ("ee_x,ee_y,v\n0.5,1.5,0\n0.75,0,0\n", []),
+        ("ee_0,ee_1,v\n0.5,1.5,0\n0.75,0,0\n", []),
+        ("ee.x,ee_x,ee.y,v\n0.5,9,1.5,0\n0.75,9,0,0\n", []),
+        ("pose.x,pose.y,speed\n0.5,1.5,0\n0.75,0,0\n", ["--signal", "ee=pose.x,pose.y", "--signal", "v=speed"]),
+    ],
+)
+def test_forms_of_a_trace(text, arguments, tmp_path, capsys):
+    (tmp_path / "task.tltl").write_text(PATROL)
+    (tmp_path / "trace.csv").write_text(text)
+    assert tltl(tmp_path / "task.tltl", tmp_path / "trace.csv", *arguments) == 0
+    assert "robustness   +0.25\n" in capsys.readouterr().out
+
+
+EE, V = [[0.5, 1.5], [0.75, 0]], [0, 0]
+
+
+@pytest.mark.parametrize(
+    ("arrays", "arguments"),
+    [
+        ({"ee": EE, "v": V}, []),
+        ({"ee": [EE], "v": [V], "other": "text"}, []),
+        ({"pose": EE, "speed": V}, ["--signal", "ee=pose", "--signal", "v=speed"]),
+        ({"x": [0.5, 0.75], "y": [1.5, 0], "v": V}, ["--signal", "ee=x,y"]),
+    ],
+)
+def test_a_trace_of_arrays(arrays, arguments, tmp_path, capsys):
+    (tmp_path / "task.tltl").write_text(PATROL)
+    np.savez(tmp_path / "trace.npz", **arrays)
+    assert tltl(tmp_path / "task.tltl", tmp_path / "trace.npz", *arguments) == 0
+    assert "robustness   +0.25\n" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arrays", "arguments", "told"),
+    [
+        ({"ee": EE}, [], r"trace.npz: there is no array v; there are: ee"),
+        ({"ee": [EE, EE], "v": V}, [], r"trace.npz: ee has shape \(2, 2, 2\); expected \(T, 2\), one trajectory"),
+        ({"ee": EE, "v": ["a", "b"]}, [], r"trace.npz: v holds <U1; expected numbers"),
+        ({"ee": EE, "v": np.array([{}, None])}, [], r"trace.npz: the trace is no NPZ file of numbers: Object arrays"),
+        ({"ee": np.empty((0, 2)), "v": []}, [], r"trace.npz: ee holds no samples"),
+        ({"ee": EE, "v": V}, ["--signal", "e=v"], r"--signal e=...: the spec has no signal e; did you mean ee"),
+        ({"ee": EE, "v": V}, ["--signal", "v=v,v"], r"--signal v=v,v: 2 names; expected 1"),
+        ({"ee": EE, "v": V}, ["--signal", "v"], r"--signal v: expected each signal once, with its columns"),
+    ],
+)
+def test_a_wrong_trace_of_arrays(arrays, arguments, told, tmp_path):
+    (tmp_path / "task.tltl").write_text(PATROL)
+    np.savez(tmp_path / "trace.npz", **arrays)
+    with pytest.raises(UserError, match=told):
+        tltl(tmp_path / "task.tltl", tmp_path / "trace.npz", *arguments)
+    (tmp_path / "trace.npz").write_text("ee,v")
+    with pytest.raises(UserError, match=r"--signal|trace.npz: the trace is no NPZ file"):
+        tltl(tmp_path / "task.tltl", tmp_path / "trace.npz", *arguments)
+
+
+def test_times_of_arrays(tmp_path, capsys):
+    (tmp_path / "task.tltl").write_text("F[0 s, 0.1 s] x > 0")
+    np.savez(tmp_path / "trace.npz", x=[-1, -1, 1, -1], time=[7, 7.05, 7.1, 7.15])
+    assert tltl(tmp_path / "task.tltl", tmp_path / "trace.npz") == 0
+    assert "period       0.05 s" in capsys.readouterr().out
+    np.savez(tmp_path / "trace.npz", x=[-1, -1, 1, -1], time=[7, 7.05, 7.1, 7.3])
+    with pytest.raises(UserError, match=r"trace.npz: sample 3: time has a gap, from 7.1 to 7.3 s"):
+        tltl(tmp_path / "task.tltl", tmp_path / "trace.npz")
+
+
 def timed(tmp_path, times, spec="F[0 s, 0.1 s] x > 0.5", name="time"):
     (tmp_path / "task.tltl").write_text(spec)
     rows = "".join(f"{t},{x}\n" for t, x in zip(times, [0, 0, 1, 0, 0, 0], strict=False))
@@ -260,7 +368,7 @@ def test_a_component_in_both_spellings(trace):
 
 
 def test_what_is_not_there(tmp_path):
-    with pytest.raises(UserError, match=r"none.tltl: the spec cannot be read: No such file"):
+    with pytest.raises(UserError, match=r"no spec file .*none.tltl here or in .*specs; there are: reach_avoid.tltl"):
         check(tmp_path / "none.tltl")
     (tmp_path / "task.tltl").write_text("F G x < 1")
     with pytest.raises(UserError, match=r"none.csv: the trace cannot be read"):

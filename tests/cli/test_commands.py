@@ -1,16 +1,22 @@
 """tltl evaluate, render and plot on a small finished run, and on what is not one."""
 
+import json
 import re
+import shlex
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from tltlrl.cli import main as cli
+from tltlrl.cli.evaluate import check_command
 from tltlrl.config.compose import compose
 from tltlrl.config.read import read
 from tltlrl.experiments.experiment import run_experiment
+from tltlrl.logic import load_spec
 from tltlrl.resources import SPECS
 
 RUN = "tltl_episodic/seed_0"
@@ -39,9 +45,19 @@ def test_evaluate_counts_its_trials_and_repeats_with_the_same_seed(experiment, c
     assert [int(number) for number, _, _ in trials] == list(range(7))
     assert all((float(value) > 0) == (verdict == "satisfied") for _, value, verdict in trials)
     satisfied = sum(verdict == "satisfied" for _, _, verdict in trials)
+    assert re.search(r"^path of the end-effector: [\d.]+ m$", first, flags=re.MULTILINE)
     assert f"success rate {satisfied}/7 = {satisfied / 7:.2f}" in first
     assert tltl(capsys, "evaluate", experiment / RUN, "--trials", 7, "--seed", 3)[1] == first
     assert tltl(capsys, "evaluate", experiment / RUN, "--trials", 7, "--seed", 4)[1] != first
+
+
+def test_the_tables_say_how_every_case_moves(experiment):
+    rows = pd.read_csv(experiment / "summary.csv")
+    assert (rows[["path_length", "acceleration_rms", "jerk_peak", "command_rms"]] > 0).all(axis=None)
+    assert rows["commands_at_limit"].between(0, 1).all()
+    assert rows["seconds_to_verdict"].notna().eq(rows["satisfied"]).all()
+    report = (experiment / "report.md").read_text()
+    assert "| case | path of the end-effector, m |" in report.split("## How they move")[1]
 
 
 def test_plot_redraws_from_the_csv_alone(experiment, tmp_path, capsys):
@@ -83,6 +99,61 @@ def test_what_is_not_a_finished_run_is_told(experiment, tmp_path, capsys, comman
     assert (code, output) == (2, "")
     assert errors.startswith(f"tltl: {folder} is not the folder of a finished run (")
     assert "Traceback" not in errors
+
+
+def test_the_learned_motion_as_a_trace_that_check_explains(experiment, tmp_path, capsys):
+    trace = tmp_path / "motion.csv"
+    code, printed, _ = tltl(capsys, "evaluate", experiment / RUN, "--trace", trace, "--samples", 2, "--trials", 1)
+    assert code == 0
+    assert {path.name for path in tmp_path.iterdir()} == {"motion.csv", "motion_1.csv", "motion_2.csv"}
+    lines = trace.read_text().splitlines()
+    assert lines[0].startswith("time,ee.x,ee.y,angles.x")
+    assert (len(lines), lines[-1].split(",")[0]) == (13, "0.55")
+    done = json.loads((experiment / RUN / "done.json").read_text())
+    command = shlex.split(printed.splitlines()[-1].removeprefix("explained by: "))
+    for name in ("motion.csv", "motion_1.csv", "motion_2.csv"):
+        (worth,) = re.findall(rf"{name}: .* motion, robustness (\S+)", printed)
+        _, explained, _ = tltl(capsys, *[str(tmp_path / name) if a == str(trace) else a for a in command[1:]])
+        assert f"robustness   {worth}" in explained
+        if name == "motion.csv":
+            assert worth == f"{done['robustness_policy']:+.6g}"
+    code, _, errors = tltl(capsys, "evaluate", experiment / RUN, "--samples", 2)
+    assert (code, errors) == (2, "tltl: --samples: say where to, as in --trace motion.csv\n")
+
+
+def test_a_trace_is_checked_with_the_constants_that_were_learned_with(tmp_path):
+    path = tmp_path / "my task.tltl"
+    path.write_text("signal x\nconst a = 1\nconst b[r] = (1, 2)\nspec: F x > a + b[r].x\n")
+    assert check_command(load_spec(path), Path("m.csv")) == f"tltl check '{path}' m.csv"
+    other = load_spec(path, {"a": 3, "b": {"r": (4, 5)}})
+    assert check_command(other, Path("m.csv")) == f"tltl check '{path}' m.csv --set a=3.0 --set 'b.r=[4.0, 5.0]'"
+
+
+@pytest.mark.parametrize("suffix", [".png", ".pdf", ".PNG"])
+def test_a_suffix_is_not_doubled_and_said_as_it_is(experiment, tmp_path, capsys, suffix):
+    code, output, _ = tltl(capsys, "plot", "--output", tmp_path / f"fig_3.3{suffix}", experiment)
+    assert (code, output) == (0, f"{tmp_path}/fig_3.3.png, {tmp_path}/fig_3.3.pdf\n")
+    assert {path.name for path in tmp_path.iterdir()} == {"fig_3.3.png", "fig_3.3.pdf"}
+
+
+def test_a_picture_of_another_kind_is_refused(experiment, tmp_path, capsys):
+    code, output, errors = tltl(capsys, "plot", experiment, "--output", tmp_path / "fig.svg")
+    assert (code, output) == (2, "")
+    assert errors == f"tltl: {tmp_path}/fig.svg: pictures are written as .png and .pdf; give the path without .svg\n"
+
+
+@pytest.mark.parametrize("order", ["--trials 2 name=s experiment=nix", "name=s experiment=nix --trials 2"])
+def test_options_of_a_search_stand_anywhere(capsys, order):
+    code, _, errors = tltl(capsys, "search", *order.split())
+    assert code == 2
+    assert errors.startswith("tltl: say what to search")
+
+
+def test_check_finds_the_specs_that_come_with_tltlrl(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code, output, _ = tltl(capsys, "check", "reach_avoid.tltl")
+    assert code == 0
+    assert output.startswith(f"spec         {SPECS}/reach_avoid.tltl\n")
 
 
 def test_plot_of_what_is_not_an_experiment_is_told(tmp_path, capsys):
@@ -147,7 +218,9 @@ def test_the_page_lists_every_command_and_each_has_its_own(capsys):
         assert (code, own.split()[:3]) == (0, ["usage:", "tltl", name])
 
 
-@pytest.mark.parametrize(("arguments", "message"), [((), "say which command"), (("evalute",), "invalid choice")])
+@pytest.mark.parametrize(
+    ("arguments", "message"), [((), "tltl: say which command, one of:"), (("evalute",), "invalid choice")]
+)
 def test_what_is_no_command_is_told(capsys, arguments, message):
     code, _, errors = tltl(capsys, *arguments)
     assert code == 2

@@ -76,7 +76,7 @@ def test_the_folder_of_a_finished_experiment(undisturbed):
         assert {p.name for p in (undisturbed / case).iterdir() if p.is_file()} == {"workspace.png", "workspace.pdf"}
         for seed in (0, 1):
             run_folder = undisturbed / case / f"seed_{seed}"
-            files = {"progress.csv", "timing.csv", "policy.npz", "done.json"}
+            files = {"progress.csv", "timing.csv", "policy.npz", "done.json", "last.npz"}
             assert {p.name for p in run_folder.glob("[!.]*")} == files
 
 
@@ -431,7 +431,6 @@ MISTAKES = {
         f"tltl-run: no spec file reach_avoit.tltl here or in {SPECS}; did you mean reach_avoid.tltl?"
     ),
     ("experiment=reach_avoid", "name=a/b"): "tltl-run: name: 'a/b' cannot be a folder's name",
-    ("experiment=reach_avoid", "name=true"): "tltl-run: name: expected str, not True",
     ("experiment=reach_avoid", "runs_dir="): (
         "tltl-run: runs_dir: it is empty; give the folder above the experiments' folders, or . for this one"
     ),
@@ -465,12 +464,22 @@ MISTAKES = {
     ("experiment=reach_avoid", "constants=[1]"): (
         "tltl-run: constants=[1]: this key cannot have such a value; --cfg job shows the one it has"
     ),
-    ("experiment=reach_avoid", "seeds=1,2"): (
-        "tltl-run: seeds=1,2: a list is written seeds=[1,2]; several experiments with -m (see --help)"
+    ("experiment=reach_avoid", "task.link_lengths=1,2"): (
+        "tltl-run: task.link_lengths=1,2: a list is written 'task.link_lengths=[1,2]'; several experiments with -m "
+        "(see --help)"
+    ),
+    ("experiment=reach_avoid,toast",): (
+        "tltl-run: experiment=reach_avoid,toast: these are several experiments; write -m experiment=reach_avoid,toast"
+    ),
+    ("experiment=reach_avoid", "seed=7"): (
+        "tltl-run: seed: no such key; write 'seeds=[7]' for the seed 7 alone; seeds=7 is how many, from 0 on"
+    ),
+    ("experiment=reach_avoid", "--seed=7"): (
+        "tltl-run: --seed: no such option; write 'seeds=[7]' for the seed 7 alone; seeds=7 is how many, from 0 on"
     ),
     ("experiment=reach_avoid", "name=${nothing}"): "tltl-run: Interpolation key 'nothing' not found",
     ("experiment=reach_avoid", "--seeds", "3"): (
-        "tltl-run: --seeds: no such option; write seeds=3 (see --help)"
+        "tltl-run: --seeds: no such option; write 'seeds=[3]' for the seed 3 alone; seeds=3 is how many, from 0 on"
     ),
     ("--algorithm.samples=3", "experiment=reach_avoid"): (
         "tltl-run: --algorithm.samples: no such option; write algorithm.samples=3 (see --help)"

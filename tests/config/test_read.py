@@ -171,6 +171,11 @@ def test_differences_name_the_keys_and_let_seeds_and_cases_grow():
     assert (
         differences(before, before | {"seeds": [1, 2]}, GROWING) == "  seeds: 2 there, [1, 2] now (they can only grow)"
     )
+    more, fewer = (before | {"algorithm": {"kept": 0.5, "iterations": n}} for n in (10**12, 3))
+    assert differences(fewer, more, ["algorithm.iterations"]) == ""
+    assert differences(more, fewer, ["algorithm.iterations"]) == (
+        "  algorithm.iterations: 1000000000000 there, 3 now (they can only grow)"
+    )
     assert differences(before, before | {"seeds": [0, 1]}) == "  seeds: 2 there, [0, 1] now"
     changed = before | {"spec": "a/y.tltl", "algorithm": {"kept": 0.6}, "constants": {"r": 1}}
     assert differences(before, changed, GROWING).splitlines() == [

@@ -1,10 +1,18 @@
 """Which studies may extend the folder of another."""
 
-import pytest
+import json
 
-from tltlrl.config.compose import compose
+import pytest
+import yaml
+
+from tltlrl.config.compose import as_meant, compose
+from tltlrl.config.keys import machinery_defaults
 from tltlrl.config.read import read
-from tltlrl.experiments.experiment import changes
+from tltlrl.errors import UserError
+from tltlrl.experiments.experiment import changes, open_run, run_experiment, with_seeds
+from tltlrl.experiments.manifest import settings_in
+from tltlrl.store.files import digest
+from tltlrl.training.study import LATER, with_later
 
 
 def study(*overrides):
@@ -31,3 +39,78 @@ def test_a_setting_that_a_learner_must_have_had_is_missed():
     assert changes(damaged, before) == "  algorithm.caution: absent there, 0.5 now"
     for nonsense in (None, 3.5, {}):
         assert "  cases: " in changes(dict(before.settings) | {"cases": nonsense}, before)
+
+
+def test_results_of_before_a_setting_was_added_are_read_and_gone_on_from():
+    now = read(compose(["experiment=reach_avoid"]))[0]
+    old = {**now.settings, "algorithm": {k: v for k, v in now.settings["algorithm"].items() if k not in LATER}}
+    assert changes(old, now) == ""
+    again, _ = read(with_later(old) | machinery_defaults())
+    assert [run.identity() for run in again.runs()] == [run.identity() for run in now.runs()]
+    changed = read(compose(["experiment=reach_avoid", "algorithm.keep=best"]))[0]
+    assert changes(old, changed) == "  algorithm.keep: last there, best now"
+
+
+@pytest.mark.parametrize(
+    ("had", "asked", "seeds", "setting"),
+    [
+        (4, "seeds=2", (0, 1, 2, 3), 4), (2, "seeds=4", (0, 1, 2, 3), 4), ([7, 8], "seeds=[8]", (7, 8), [7, 8]),
+        ([7], "seeds=[9]", (7, 9), [7, 9]), (2, "seeds=[9,0]", (0, 1, 9), [0, 1, 9]),
+    ],
+)  # fmt: skip
+@pytest.mark.usefixtures("package")
+def test_asking_for_fewer_seeds_or_others_is_no_other_experiment(had, asked, seeds, setting):
+    now = study(asked)
+    assert changes({**now.settings, "seeds": had}, now) == ""
+    whole = with_seeds(now, had)
+    assert (whole.seeds, whole.settings["seeds"]) == (seeds, setting)
+
+
+def test_more_iterations_go_on_and_what_was_not_asked_for_stays(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("tltlrl.reports.report.plot_learning_curves", lambda *_: None)
+    monkeypatch.setattr("tltlrl.experiments.experiment.draw_cases", lambda *_: None)
+
+    def run(folder, *overrides):
+        small = ["experiment=reach_avoid", "name=x", "cases=[tltl_episodic]", "task.steps=12", "algorithm.samples=6"]
+        asked = compose([*small, "algorithm.epsilon=0.5", "trials=2", "workers=1", f"runs_dir={folder}", *overrides])
+        assert run_experiment(*read(asked), ["test"])
+        return capsys.readouterr().err
+
+    run(tmp_path / "a", "seeds=2", "algorithm.iterations=2")
+    said = run(tmp_path / "a", "seeds=[1]", "algorithm.iterations=4")
+    assert "tltl_episodic seed 1 goes on after its 2 iterations" in said
+    assert "damaged" not in said
+    assert "tltl_episodic: satisfied 0 of 1; robustness -" in said  # seed 0 has fewer iterations
+    assert f"report: {tmp_path}/a/x/report.md" in said
+    run(tmp_path / "a", "seeds=2", "algorithm.iterations=4")
+    run(tmp_path / "b", "seeds=2", "algorithm.iterations=4")
+    a, b = tmp_path / "a/x", tmp_path / "b/x"
+    for name in ("learning_curves.csv", "summary.csv", "config.yaml", "tltl_episodic/seed_1/policy.npz"):
+        assert (a / name).read_bytes() == (b / name).read_bytes(), name
+    assert yaml.safe_load((a / "config.yaml").read_text())["seeds"] == 2
+    assert "2 of 2 runs were done" in run(tmp_path / "a", "seeds=2", "algorithm.iterations=4")
+
+
+def test_what_was_started_from_is_kept_with_the_results(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("tltlrl.reports.report.plot_learning_curves", lambda *_: None)
+    monkeypatch.setattr("tltlrl.experiments.experiment.draw_cases", lambda *_: None)
+    small = ["experiment=reach_avoid", "cases=[tltl_episodic]", "task.steps=12", "algorithm.samples=6", "seeds=1"]
+
+    def study_of(name, *overrides):
+        asked = [*small, "trials=2", "workers=1", f"runs_dir={tmp_path}", f"name={name}", *overrides]
+        return read(compose([as_meant(override) for override in (*asked, "algorithm.iterations=1", *overrides)]))
+
+    assert run_experiment(*study_of("a"), ["test"])
+    learned = tmp_path / "a/tltl_episodic/seed_0/policy.npz"
+    assert run_experiment(*study_of("b", f"policy={learned}"), ["test"])
+    made = json.loads((tmp_path / "b/manifest.json").read_text())
+    assert made["start"] == {str(learned): digest(learned.read_bytes())}
+    assert (tmp_path / "b/start.npz").read_bytes() == learned.read_bytes()
+    learned.rename(tmp_path / "elsewhere.npz")
+    assert open_run(tmp_path / "b/tltl_episodic/seed_0")[0].seed == 0
+    assert read(settings_in(tmp_path / "b/manifest.json"))[0].algorithm.policy == str(tmp_path / "b/start.npz")
+    capsys.readouterr()
+    assert run_experiment(*study_of("b", f"policy={tmp_path}/elsewhere.npz"), ["test"])
+    assert "1 of 1 runs were done before" in capsys.readouterr().err
+    with pytest.raises(UserError, match="was made from another policy"):
+        run_experiment(*study_of("b", f"policy={tmp_path}/b/tltl_episodic/seed_0"), ["test"])

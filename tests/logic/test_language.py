@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from strategies import formulas
+from strategies import DECLARED, formulas
 
 from tltlrl.logic import SpecError, load_spec, parse_spec
 
@@ -23,7 +23,7 @@ SPECS = sorted((ROOT / "specs").glob("*.tltl"))
 @settings(deadline=None, max_examples=300)
 @given(formulas(8))
 def test_the_text_of_a_formula_parses_back_to_it(f):
-    spec = parse_spec(str(f))
+    spec = parse_spec(DECLARED + str(f))
     assert spec._meaning.document.formula == f
     assert parse_spec(str(spec)) == spec
 
@@ -113,6 +113,18 @@ def test_arithmetic():
     assert parse_spec(text).robustness_over_time({"p": p, "v": v}) == pytest.approx(far + e + f)
 
 
+def test_whether_a_region_is_to_be_in_comes_from_the_formula():
+    spec = parse_spec(
+        "signal ee[2]\nconst o = (0, 0)\n"
+        "def in_rock: distance(ee, o) < 0.4\ndef walls: box(ee, o, (1, 1))\ndef far: distance(ee, o) > 2\n"
+        "def goal: ball(ee, (1, 1), 0.2)\ndef free: distance(ee, o) > 0.1\n"
+        "spec: G !in_rock & !(F walls) & G !far & (!goal U in_rock => F goal) & G !(free => F !ball(ee, (4, 4), 1))"
+    )
+    inside = {region.name: region.inside for region in spec.regions}
+    assert inside == {"in_rock": False, "walls": False, "far": True, "goal": True, "free": False, None: True}
+    assert not parse_spec("signal ee[2]\nspec: G !ball(ee, (0, 0), 1) U ee.x > 1").regions[0].inside
+
+
 def test_regions():
     spec = parse_spec(
         "signal ee[2]\nsignal q[2]\nconst c[a] = (1, 2)\nconst c[b] = (3, 4)\nconst r = 0.5\n"
@@ -174,16 +186,14 @@ def test_horizon(text, horizon):
         ("distance(2 * ee, (1, 2)) < 1", {"ee": 2}),
         ("norm(-ee + (1, 2)) < 1", {"ee": 2}),
         ("distance(ee / 2 * 3 - q, (1, 2, 3)) < 1", {"ee": 3, "q": 3}),
-        ("box(ee, a, (1, 2)) & ball(q, a, 0.5)", None),
+        ("box(ee, a, (1, 2)) & ball(q, a, 0.5)", {"ee": 2, "a": 2, "q": 2}),
+        ("dot(a, b) < 1 & norm(b - (1, 2)) < pi", {"a": 2, "b": 2}),
+        ("norm(v - previous(v)) < 1 & norm(v + (1, 2)) < 1", {"v": 2}),
         ("distance(x, y) < 1", {"x": None, "y": None}),
     ],
 )
 def test_signals_of_a_bare_formula(text, signals):
-    if signals is None:  # read as vectors, and so refused for what it is: a region that moves
-        with pytest.raises(SpecError, match="found a signal; expected constants"):
-            parse_spec(text)
-    else:
-        assert parse_spec(text).signals == signals
+    assert parse_spec(text).signals == signals
 
 
 def test_many_signals_of_one_dimension_are_found_out_at_once():
@@ -414,6 +424,8 @@ def test_fuzz():
     """Mutated specs give a SpecError or a spec: nothing else, and quickly. TLTL_FUZZ sets how many (2000)."""
     texts = [path.read_text(encoding="utf-8") for path in SPECS]
     texts += ["F G (x < 0.2)", "G[0,5] (x < 1 => F[1,3] y > 2)", "(a < 1) U[2,4] (b > 1) T (c < 2)"] * 2
+    page = (ROOT / "docs" / "spec-examples.md").read_text(encoding="utf-8")
+    texts += re.findall(r"^```tltl\n(.*?)^```", page, flags=re.M | re.S)
     texts += [re.sub(r"#.*\n", "\n", text) for text in texts]
     generator = random.Random(int(os.environ.get("TLTL_FUZZ_SEED", "0")))
     read = 0

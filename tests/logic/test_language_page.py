@@ -1,17 +1,20 @@
-"""docs/spec-language.md says what is so: its code runs, its table's spellings and strengths are the parser's."""
+"""The pages of the language say what is so: their code runs, the table's spellings and strengths are the parser's."""
 
+import contextlib
 import re
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tltlrl.logic import SpecError, parse_spec
-from tltlrl.logic.declarations import FUNCTIONS
+from tltlrl.logic.declarations import RESERVED
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "spec-language.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```", PAGE, flags=re.M | re.S)
+CASE_STUDY = (ROOT / "docs" / "spec-case-study.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```", PAGE + CASE_STUDY, flags=re.M | re.S)
 
 
 @pytest.mark.parametrize("code", [code for kind, code in BLOCKS if kind == "python"])
@@ -39,12 +42,12 @@ def test_the_message():
 
 ROWS = [
     [cell.strip().replace("\\|", "|") for cell in re.split(r"(?<!\\)\|", line)[1:-1]]
-    for line in PAGE.split("## Operators")[1].split("## Files")[0].split("\n")
+    for line in PAGE.split("## Operators")[1].split("## The end")[0].split("\n")
     if line.startswith("| `")
 ]
 
 
-OPERATOR = re.compile(r"<=>|=>|(?:all|any)(?= )|X\[!\]|[<>!&|GFXURWT]")
+OPERATOR = re.compile(r"<=>|=>|(?:all|any)(?= )|X\[!\]|previous(?:\[!\])?|xor|[<>!&|GFXURWT]")
 
 
 @pytest.mark.parametrize("row", [row for row in ROWS if re.search(r"\bp\b", row[0])])
@@ -72,12 +75,12 @@ def test_other_spellings_of_arithmetic_and_comparisons(row):
         assert others & {value(form) for form in forms}
 
 
-BINARY = ["<=>", "=>", "|", "&", "U"]
+BINARY = ["<=>", "=>", "xor", "|", "&", "U"]
 
 
 def test_strength_of_formulas():
     """Each binary operator of the table binds tighter than the one below it."""
-    order = [f for row in ROWS for f in re.findall(r"`p (<=>|=>|\||&|U) q`", row[0])]
+    order = [f for row in ROWS for f in re.findall(r"`p (<=>|=>|xor|\||&|U) q`", row[0])]
     assert order == BINARY[::-1]
     for tight, loose in pairwise(order):
         plain = parse_spec(f"a < 1 {loose} b < 1 {tight} c < 1")
@@ -87,9 +90,54 @@ def test_strength_of_formulas():
 
 def test_words_that_cannot_be_names():
     words = re.search(r"cannot be names: `(.*?)` `(.*?)`", PAGE)
-    for word in [*f"{words[1]} {words[2]}".split(), *FUNCTIONS]:
+    for word in [*f"{words[1]} {words[2]}".split(), *RESERVED]:
         with pytest.raises(SpecError):
             parse_spec(f"signal {word}\nspec: {word} < 1")
+
+
+ELSEWHERE = [
+    [re.findall(r"`(.*?)`", cell)[0] for cell in line.split(" | ")[1:]]
+    for line in PAGE.split("## From other tools")[1].split("\n## ")[0].split("\n")
+    if "`" in line
+]
+
+
+@pytest.mark.parametrize(("there", "here"), ELSEWHERE)
+def test_from_other_tools(there, here):
+    """What is read as it is there has the value of what is to be written here; anything else is refused."""
+    generator = np.random.default_rng(0)
+    signals = {name: generator.uniform(0, 2, (20, 12)) for name in "xy"}
+    expected = parse_spec(here).robustness(signals).tolist()
+    try:
+        spec = parse_spec(there)
+    except SpecError:
+        return
+    assert spec.robustness(signals).tolist() == expected
+
+
+def test_most_formulas_of_rtamt_and_spot_are_read_as_they_are():
+    def is_read(text):
+        with contextlib.suppress(SpecError):
+            return bool(parse_spec(text))
+        return False
+
+    assert sum(is_read(there) for there, _ in ELSEWHERE) >= 10
+
+
+SAID = [
+    ("G F[0, 2?] x > 0", [1, -1, -1, 1, -1, -1], 1),
+    ("G F[0, 2?] x > 0", [1, -1, -2, -1, -1, 1], -1),
+    ("G (x > 0 => F[0, 2?] y > 0)", [-1, -1, -1, -1, -1, 1], 1),
+    ("F G[0, 2!] x > 0", [-1, -1, -1, -1, 1, 1], -1),
+    ("F G[0, 2!] x > 0", [-1, 1, 1, 1, -1, -1], 1),
+    ("F (G x > 0 & G[0, 2!] x > 0)", [-1, 1, 1, 1, -1, -1], -1),
+    ("F (G x > 0 & G[0, 2!] x > 0)", [-1, -1, -1, 1, 1, 1], 1),
+]
+
+
+@pytest.mark.parametrize(("formula", "x", "sign"), SAID)
+def test_what_is_said_of_the_end(formula, x, sign):
+    assert np.sign(parse_spec(formula).robustness({"x": [x], "y": [[-1] * 6]})) == sign
 
 
 @pytest.mark.parametrize(

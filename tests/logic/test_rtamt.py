@@ -1,7 +1,7 @@
-"""Agreement with rtamt, an independent evaluator, on formulas without T.
+"""Agreement with rtamt, an independent evaluator, on formulas without T; its words are read as they are.
 
-It reads X weakly (+inf beyond the end) and leaves the witness out of U's left side, as TLTL does. Its U is the
-unbounded or bounded one of signal temporal logic, whose left operand is not truncated: only state formulas there.
+It reads X and previous weakly (+inf beyond the end) and leaves the witness out of U's left side, as TLTL does. Its U is
+the unbounded or bounded one of signal temporal logic, whose left operand is not truncated: only state formulas there.
 """
 
 import warnings
@@ -34,6 +34,15 @@ def compound(inner):
         st.builds("({} until {})".format, states, inner),
         st.builds("(always{} {})".format, bounds, inner),
         st.builds("(eventually{} {})".format, bounds, inner),
+        st.builds("(prev {})".format, inner),
+        st.builds("(once {})".format, inner),
+        st.builds("(historically {})".format, inner),
+        st.builds("({} since {})".format, inner, inner),
+        st.builds("(once{} {})".format, bounds, inner),
+        st.builds("(historically{} {})".format, bounds, inner),
+        st.builds("({} since{} {})".format, inner, bounds, inner),
+        st.builds("(rise({}))".format, inner),
+        st.builds("(fall({}))".format, inner),
     )
 
 
@@ -41,12 +50,10 @@ texts = st.recursive(states, compound, max_leaves=5)
 
 
 def ours(text):
-    for word, symbol in {"always": "G", "eventually": "F", "next": "X", "until": "U"}.items():
-        text = text.replace(word, symbol)
     return parse_spec("signal x\nsignal y\nsignal z\nspec: " + text)
 
 
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=150)
 @given(texts, st.integers(8, 16), st.integers(0, 1000))
 def test_agreement(text, steps, seed):
     generator = np.random.default_rng(seed)

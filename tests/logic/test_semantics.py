@@ -9,12 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracle import robustness
-from strategies import batches, comparisons, formulas
+from strategies import DECLARED, batches, comparisons, formulas
 
 from tltlrl.logic import TraceError, parse_spec, scans
 from tltlrl.logic import syntax as s
-
-DECLARED = "signal x\nsignal y\nsignal z\nsignal w\nspec: "
 
 
 def declared(f):
@@ -215,6 +213,22 @@ def test_long_trajectories(steps, count):
     assert np.array_equal(value("G F x > 0"), np.repeat(x[:, -1:], steps, axis=1))
 
 
+@pytest.mark.parametrize("steps", [1, 2, 17, 70])
+@pytest.mark.parametrize("window", [(0, 0), (0, 1), (1, 1), (0, 2), (3, 9), (0, 62), (2, 70), (5, 110), (400, 500)])
+def test_pairs_of_a_window(window, steps):
+    x, y = np.random.default_rng(0).normal(size=(2, 3, steps))
+    expected = np.full((3, steps), -np.inf)
+    for t in range(steps):
+        before = np.full(3, -np.inf)
+        for k in range(t, min(t + window[1] + 1, steps)):
+            if k >= t + window[0]:
+                expected[:, t] = np.maximum(expected[:, t], np.minimum(before, y[:, k]))
+            before = np.maximum(before, x[:, k])
+    spec = parse_spec(f"(x > 0) T[{window[0]}, {window[1]}] (y > 0)")
+    assert np.array_equal(spec.robustness_over_time({"x": x, "y": y}), expected)
+    assert np.array_equal(spec.robustness({"x": x, "y": y}), expected[:, 0])
+
+
 @pytest.mark.parametrize("narrow", [0, 4096])
 def test_windows_by_blocks_and_by_doubling(narrow, monkeypatch):
     monkeypatch.setattr(scans, "_NARROW", narrow)
@@ -235,9 +249,50 @@ def test_the_horizon_holds(f, batch):
     steps = signals["x"].shape[1]
     if spec.horizon is not None and spec.horizon + 1 < steps:
         other = {name: values.copy() for name, values in signals.items()}
-        for values in other.values():
-            values[:, spec.horizon + 1 :] += 7
+        for name, values in other.items():
+            values[:, spec.horizon + 1 :] = 1 - values[:, spec.horizon + 1 :] * (1 if name == "b" else 7)
         assert spec.robustness(signals) == spec.robustness(other)
+
+
+@settings(deadline=None, max_examples=100)
+@given(formulas(6), batches(max_count=1, max_steps=40))
+def test_the_memory_holds(f, batch):
+    """Samples before it change nothing."""
+    signals, _ = batch
+    signals = {name: np.nan_to_num(values) for name, values in signals.items()}
+    spec = declared(f)
+    steps = signals["x"].shape[1]
+    if spec.memory is not None:
+        other = {name: values.copy() for name, values in signals.items()}
+        for name, values in other.items():
+            values[:, : steps // 2] = 1 - values[:, : steps // 2] * (1 if name == "b" else 7)
+        first = steps // 2 + spec.memory
+        one, two = spec.robustness_over_time(signals), spec.robustness_over_time(other)
+        assert one[0, first:].tolist() == two[0, first:].tolist()
+
+
+@pytest.mark.parametrize(
+    ("text", "memory", "horizon"),
+    [
+        ("x < 1", 0, 0),
+        ("once x < 1", None, 0),
+        ("once[2, 5] x < 1", 5, 0),
+        ("once[2, inf] x < 1", None, 0),
+        ("historically[0, 3] once[1, 2] x < 1", 5, 0),
+        ("previous previous x < 1", 2, 0),
+        ("x - previous(x) < 1", 1, 0),
+        ("x > 0 since[1, 3] y > 0", 3, 0),
+        ("previous x > 0 since[0, 3] y > 0", 3, 0),
+        ("x > 0 since y > 0", None, 0),
+        ("X previous x < 1", 0, 0),
+        ("F[0, 3] previous x < 1", 1, 2),
+        ("G[2, 4] once[0, 1] x < 1", 0, 4),
+        ("G once x < 1", None, None),
+    ],
+)
+def test_memory_and_horizon(text, memory, horizon):
+    spec = parse_spec(text)
+    assert (spec.memory, spec.horizon) == (memory, horizon)
 
 
 short = st.tuples(st.integers(0, 2), st.integers(0, 2)).map(

@@ -3,44 +3,23 @@ import pandas as pd
 import pytest
 
 from tltlrl.errors import UserError
-from tltlrl.reports.plotting import LABELS, STYLES, bootstrap_band, plot_learning_curves, read_curves
+from tltlrl.reports.plotting import LABELS, STYLES, plot_learning_curves, read_curves, titled
 
 
 def curves(seeds=4, cases=tuple(LABELS)):
     rng = np.random.default_rng(0)
     return pd.DataFrame(
         {"task": "reach_avoid", "case": case, "seed": seed, "iteration": i, "episodes": 20 * (i + 1),
-         "robustness_mean": -1 + 0.1 * i + rng.normal()}
+         "robustness_mean": -1 + 0.1 * i + rng.normal(), "robustness_policy": 0.1 * i}
         for case in cases for seed in range(seeds) for i in range(10)
     )  # fmt: skip
-
-
-def test_bootstrap_band_is_that_of_the_mean():
-    """With two values a and b the resampled mean is a, (a + b) / 2 or b: the 95 % band is from a to b."""
-    low, high = bootstrap_band(np.array([[0.0, 1.0], [5.0, 5.0]]))
-    np.testing.assert_allclose([low, high], [[0.0, 5.0], [1.0, 5.0]])
-
-
-def test_bootstrap_band_is_near_the_normal_interval_for_many_seeds():
-    values = np.random.default_rng(1).normal(size=(1, 400))
-    low, high = bootstrap_band(values)
-    half = 1.96 * values.std() / 20
-    np.testing.assert_allclose([low[0], high[0]], [values.mean() - half, values.mean() + half], atol=0.015)
-
-
-def test_the_band_does_not_depend_on_how_much_is_drawn_at_a_time(monkeypatch):
-    values = np.random.default_rng(2).normal(size=(50, 7))
-    whole = bootstrap_band(values)
-    for batch in (1, 350 * 3, 350 * 1024):
-        monkeypatch.setattr("tltlrl.reports.plotting.BATCH", batch)
-        np.testing.assert_array_equal(bootstrap_band(values), whole)
 
 
 @pytest.mark.parametrize("seeds", [1, 2, 4])
 @pytest.mark.parametrize("panels", [1, 2])
 def test_figures_are_written_and_the_same_to_the_byte(tmp_path, seeds, panels):
     for name in ("a", "b"):
-        plot_learning_curves([curves(seeds)] * panels, tmp_path / name)
+        plot_learning_curves({str(i): curves(seeds) for i in range(panels)}, tmp_path / name)
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
     assert (tmp_path / "a.pdf").stat().st_size > 1000
 
@@ -48,7 +27,7 @@ def test_figures_are_written_and_the_same_to_the_byte(tmp_path, seeds, panels):
 def test_infinite_robustness_does_not_break_the_figure(tmp_path):
     frame = curves()
     frame.loc[3, "robustness_mean"] = -np.inf
-    plot_learning_curves([frame], tmp_path / "a")
+    plot_learning_curves({"a": frame}, tmp_path / "a")
 
 
 def test_every_case_has_a_style_and_no_two_share_colour_or_dash():
@@ -72,7 +51,7 @@ def test_colours_are_told_apart_in_grey():
         (None, "cannot be read"),
         ("", "cannot be read"),
         ("task,case\n", "no column episodes, iteration"),
-        ("task,case,seed,iteration,episodes,robustness_mean\n", "empty, or with an iteration twice"),
+        ("task,case,seed,iteration,episodes,robustness_mean,robustness_policy\n", "empty, or with an iteration twice"),
     ],
 )
 def test_a_folder_without_curves_is_told(tmp_path, content, message):
@@ -85,7 +64,7 @@ def test_a_folder_without_curves_is_told(tmp_path, content, message):
 def test_every_case_of_every_panel_is_in_the_legend(tmp_path, monkeypatch):
     figures = []
     monkeypatch.setattr("tltlrl.reports.plotting.save", lambda figure, _: figures.append(figure))
-    plot_learning_curves([curves(cases=["tltl_episodic"]), curves()], tmp_path / "a")
+    plot_learning_curves({"a": curves(cases=["tltl_episodic"]), "b": curves()}, tmp_path / "a")
     (legend,) = figures[0].legends
     assert [text.get_text() for text in legend.get_texts()] == list(LABELS.values())
 
@@ -96,7 +75,73 @@ def test_a_second_panel_shows_what_is_near_zero_where_the_worst_curves_hide_it(t
     monkeypatch.setattr("tltlrl.reports.plotting.save", lambda figure, _: figures.append(figure))
     frame = curves(cases=["tltl_episodic", "discrete_step"])
     frame["robustness_mean"] = np.where(frame["case"] == "discrete_step", worst, 0.2)
-    plot_learning_curves([frame], tmp_path / "a")
-    shown = [axes.get_ylim() for axes in figures[0].axes[1:]]
+    plot_learning_curves({"a": frame}, tmp_path / "a")
+    shown = [axes.get_ylim() for axes in figures[0].axes[1:-1]]
     assert len(shown) == len(limits)
     np.testing.assert_allclose(shown, limits)
+
+
+@pytest.fixture
+def drawn(monkeypatch, tmp_path):
+    """The figure of these experiments, before it is saved."""
+
+    def draw(**experiments):
+        figures = []
+        monkeypatch.setattr("tltlrl.reports.plotting.save", lambda figure, _: figures.append(figure))
+        plot_learning_curves(experiments, tmp_path / "a")
+        return figures[0]
+
+    return draw
+
+
+def test_the_mean_policy_is_drawn(drawn):
+    """A policy may satisfy the spec in every trial while none of its noisy samples does."""
+    figure = drawn(a=curves(cases=["tltl_episodic"]))
+    above, below = figure.axes
+    assert (above.get_title(), below.get_title()) == ("a\nsampled trajectories", "mean policy, without noise")
+    mean = next(line for line in below.get_lines() if line.get_label() == LABELS["tltl_episodic"])
+    np.testing.assert_allclose(mean.get_ydata(), 0.1 * np.arange(10))
+
+
+@pytest.mark.parametrize(
+    ("seeds", "lines", "bands", "caption"),
+    [
+        (1, 1, 0, "1 seed; 20 sample trajectories per iteration."),
+        (3, 4, 0, "Thick: mean of the seeds; thin: each seed."),
+        (6, 7, 1, "Thick: mean of the seeds; thin: each seed; band: 95 % t interval of the mean."),
+    ],
+)
+def test_what_is_drawn_of_so_many_seeds_and_what_is_said_of_it(drawn, seeds, lines, bands, caption):
+    figure = drawn(a=curves(seeds, cases=["tltl_episodic"]))
+    for axes in figure.axes:
+        assert len(axes.get_lines()) == lines + 1  # and the line at 0
+        assert len(axes.collections) == bands
+        assert axes.get_ylabel() == "robustness"  # in whatever unit the spec's predicates have
+    said = figure.get_supxlabel().splitlines()
+    assert caption in said
+    assert "Robustness of the spec, in the unit of its predicates, whatever the case was trained on." in said
+    assert len(said) == (2 if seeds == 1 else 3)
+
+
+def test_experiments_of_one_task_have_titles_that_differ(tmp_path):
+    def titles(*paths):
+        return list(titled([tmp_path / path for path in paths], [curves()] * len(paths)))
+
+    assert titles("reach_avoid") == ["reach_avoid"]
+    assert titles("reach_avoid", "mine") == ["reach_avoid", "reach_avoid: mine"]
+    assert titles("a/x", "b/x") == [f"reach_avoid: {tmp_path}/a/x", f"reach_avoid: {tmp_path}/b/x"]
+
+
+def test_curves_are_read_while_runs_go_on(tmp_path):
+    """Of each run what it has written, but for a line that is not whole; a mean reaches as far as all of them do."""
+    whole = curves(seeds=3, cases=["tltl_episodic"])
+    for seed, rows in whole.groupby("seed"):
+        folder = tmp_path / "tltl_episodic" / f"seed_{seed}"
+        folder.mkdir(parents=True)
+        text = rows.iloc[: [10, 4, 0][seed]].to_csv(index=False)
+        (folder / "progress.csv").write_text({0: text, 1: text + "reach_avoid,tltl_epi", 2: ""}[seed])
+    (tmp_path / "tltl_episodic/seed_0/done.json").write_text("{}")
+    (tmp_path / "learning_curves.csv").write_text("of an earlier time")
+    read = read_curves(tmp_path)
+    assert read.groupby("seed")["iteration"].count().to_dict() == {0: 10, 1: 4}
+    plot_learning_curves({"a": read}, tmp_path / "a")

@@ -5,7 +5,15 @@ import pandas as pd
 from tltlrl.config.compose import compose
 from tltlrl.config.read import read
 from tltlrl.logic.reasons import Reason, to_json
-from tltlrl.reports.report import bottleneck_lines, motion_lines, summarise, summary_page, trial_lines
+from tltlrl.reports.report import (
+    bottleneck_lines,
+    motion_lines,
+    outcome_lines,
+    summarise,
+    summary_page,
+    trial_lines,
+)
+from tltlrl.simulation.motion import MEASURES
 
 LATE = Reason("`d < 0.2` in at_goal", 1, 199, 199, -0.5, -0.5)
 LATER = Reason("`d < 0.2` in at_goal", 1, 150, 150, -0.25, -0.25)
@@ -66,6 +74,32 @@ def test_the_first_satisfied_iteration_is_a_median_over_all_seeds():
     assert "| b | 3 of 3 | 0.500 (0.500 to 0.500) | never | 0.250 | 21 of 30 |" in lines
 
 
+def test_the_outcome_of_every_case_in_a_line():
+    rows = [("a", 0, 0.5, 7), ("a", 1, -0.25, 0), ("a", 2, 0.125, 10), ("b", 0, -1.0, 0)]
+    table = pd.DataFrame(
+        {"case": case, "seed": seed, "robustness_policy": value, "satisfied": value > 0, "trials": 10, "successes": n}
+        for case, seed, value, n in rows
+    )
+    assert outcome_lines(table) == [
+        "a: satisfied 2 of 3; robustness 0.125, -0.250 to 0.500; trials 17 of 30",
+        "b: satisfied 0 of 1; robustness -1.000; trials 0 of 10",
+    ]
+
+
+def test_of_enough_seeds_the_mean_has_its_interval():
+    table = pd.DataFrame(
+        {
+            "case": "a", "seed": seed, "robustness_policy": 0.5, "satisfied": True, "robustness_mean_last": seed + 1.0,
+            "first_satisfied_iteration": 3, "trials": 10, "successes": 7, "success_rate": 0.7,
+        }
+        for seed in range(6)
+    )  # fmt: skip
+    experiment, _ = read(compose(["experiment=reach_avoid"]))
+    page = summary_page(experiment, table, {})
+    assert "| robustness of samples, last iteration, mean (95 % t interval) |" in page
+    assert "| 3.500 (1.537 to 5.463) |" in page
+
+
 def summary(runs, **judged):
     return pd.DataFrame(
         {
@@ -92,37 +126,22 @@ def test_how_policies_move_stands_in_the_summary_and_as_medians_in_the_report():
     assert list(table["path_length"].fillna(-1)) == [2.0, 5.0, -1.0]
     lines = motion_lines(table)
     assert lines[5:] == [
-        "| case | robustness | successful trials | path length |",
-        "|---|---|---|---|",
-        "| a | 0.5 | 8 of 8 | 3.5 |",
-        "| b | 0.5 | 4 of 4 |  |",
-        "",
-        "- path length: m, of the end-effector",
-    ]
+        "| case | path length |", "|---|---|", "| a | 3.5 |", "| b |  |", "", "- path length: m, of the end-effector",
+    ]  # fmt: skip
 
 
-def test_calm_motions_stand_below_the_learned_ones_that_they_are_of():
-    """The motion of a policy that violates the spec is not simplified, and its cells stay empty."""
-    results = finished(("a", 0, [], []), ("a", 1, [LATE], [LATE]), ("b", 0, [LATE], []))
-    curves = pd.DataFrame(
-        {"task": "t", "case": case, "seed": seed, "iteration": 0, "robustness_policy": 0.5, "robustness_mean": 0.25}
-        for case, seed in (("a", 0), ("a", 1), ("b", 0))
-    )
-    for done in results.values():
-        done |= {"robustness_policy": 0.5, "outcomes": {"rests": 3}, "motion": {"path_length": 8.0}, "calm": None}
-    first, *_ = results.values()
-    first["calm"] = {"episodes": 300, "robustness_policy": 0.4, "successes": 2}
-    first["calm"] |= {"outcomes": {"rests": 1}, "motion": {"path_length": 2.0}}
-    table = summarise(curves, results)
-    assert list(table["calm_path_length"].fillna(-1)) == [2.0, -1.0, -1.0]
-    assert list(table["calm_rests"].fillna(-1)) == [1, -1, -1]
-    assert list(table.columns)[-1] == "rests"  # what is judged of trials stands at the end
+def test_calm_policies_stand_beside_the_learned_ones_and_are_not_counted_among_them():
+    worth = {
+        "robustness_policy": 0.4, "satisfied": True, "trials": 4, "successes": 4, "outcomes": {"bread": 3},
+        "motion": dict.fromkeys(MEASURES, 2.0),
+    }  # fmt: skip
+    calm = worth | {"robustness_policy": 0.3, "episodes": 160, "env_steps": 9, "motion": dict.fromkeys(MEASURES, 1.0)}
+    rows = {"task": "t", "case": "a", "seed": [0, 1], "iteration": 0, "robustness_policy": 0.4, "robustness_mean": 0.1}
+    table = summarise(pd.DataFrame(rows), {Path("a/seed_0"): worth | {"calm": calm}, Path("a/seed_1"): worth})
     lines = motion_lines(table)
-    assert lines[7:12] == [
-        "| a | 0.5 | 7 of 8 | 8 |",
-        "| a, calm | 0.4 | 2 of 4 | 2 |",
-        "| b | 0.5 | 4 of 4 | 8 |",
-        "",
-        "Calm: the learned motion, simplified afterwards by shortcuts that keep its robustness above 70% of what was "
-        "learned; 1 of 3 could be, with 300 more episodes each (median).",
-    ]
+    assert "| a |" + " 2 |" * len(MEASURES) in lines
+    assert "| a, calm |" + " 1 |" * len(MEASURES) in lines
+    assert "| a | 1 of 1 | 0.300 (0.300 to 0.300) | 0.75 | 4 of 4 | 3 of 4 | 160 |" in lines
+    experiment, _ = read(compose(["experiment=reach_avoid"]))
+    assert "| 8 of 8 | 6 of 8 |" in summary_page(experiment, table, {})
+    assert table["calm_path_length"].isna().tolist() == [False, True]

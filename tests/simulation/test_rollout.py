@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from tltlrl.simulation.rollout import Simulator
+from tltlrl.errors import UserError
+from tltlrl.simulation.rollout import Simulator, substeps
 from tltlrl.tasks.environment import environment
 from tltlrl.tasks.planar_arm.scene import PlanarArm, PlanarArmConfig
 
@@ -71,3 +72,31 @@ def test_divergence_is_told(task):
     offsets[1, 7] = np.nan
     with pytest.raises(FloatingPointError, match="simulation of reach_avoid diverged: trajectory 1, step 7"):
         Simulator(task).rollout(feedback(task), offsets, np.zeros_like(offsets))
+
+
+class Unstable(PlanarArm):
+    """Joints that are pushed the harder the faster they turn."""
+
+    def make_physics(self):
+        physics = super().make_physics()
+        physics.model.dof_damping[:] = -1e6
+        return physics
+
+
+@pytest.mark.parametrize("kind", [PlanarArm, Unstable])
+def test_a_simulation_that_goes_wrong_is_told_and_does_not_start_again(kind, capfd):
+    """MuJoCo would reset it, or leave out a control that is too large, and go on with finite numbers."""
+    task = kind(PlanarArmConfig(steps=60, command_noise=0.0))
+    offsets = np.zeros((2, task.steps, 3))
+    offsets[1, 7] = 1e14 if kind is PlanarArm else 1.0
+    with pytest.raises(FloatingPointError, match="simulation of reach_avoid diverged: trajectory 1, step"):
+        Simulator(task).rollout(np.zeros((3, task.width)), offsets, np.zeros_like(offsets))
+    capfd.readouterr()  # MuJoCo's own warnings
+
+
+def test_a_control_step_that_does_not_divide_is_told(task):
+    assert substeps(task, 0.005) == 10
+    assert substeps(task, 0.05 / 3) == 3
+    for timestep in (0.03, 0.1, 0.0501):
+        with pytest.raises(UserError, match=f"0.05 s is no multiple of the model's, {timestep} s; change one of them"):
+            substeps(task, timestep)

@@ -13,8 +13,10 @@ from tltlrl.errors import UserError
 from tltlrl.learning.reps import reward_to_go, solve_dual
 from tltlrl.learning.scores import leximin
 from tltlrl.simulation.trials import mean_motion
+from tltlrl.training import calm as calm_module
 from tltlrl.training import session
 from tltlrl.training.build import first_policy, make_reward, refined_policy, set_up
+from tltlrl.training.calm import calmer
 from tltlrl.training.loop import iterate
 from tltlrl.training.session import learned_policy, train
 from tltlrl.training.study import AlgorithmConfig
@@ -162,6 +164,34 @@ def test_a_damaged_checkpoint_starts_the_run_again(cases, tmp_path, monkeypatch,
     assert progress.read_bytes() == (tmp_path / "undisturbed" / "progress.csv").read_bytes()
 
 
+def files(folder):
+    return {name: (folder / name).read_bytes() for name in ("progress.csv", "policy.npz", "done.json")}
+
+
+@pytest.mark.parametrize("case", ["tltl_episodic", "continuous_step"])
+@pytest.mark.parametrize("what", ["whole", "killed before it went on", "without its last state", "other rows"])
+def test_given_more_iterations_a_finished_run_goes_on_to_the_same_bytes(cases, tmp_path, monkeypatch, case, what):
+    run = cases[case]
+    shorter = replace(run, algorithm=replace(run.algorithm, iterations=4))
+    train(run, tmp_path / "whole", lambda _: None)
+    folder, done = tmp_path / "grown", []
+    train(shorter, folder, lambda _: None)
+    assert session.shorter_run(run, folder) == shorter
+    assert session.shorter_run(shorter, folder) is None
+    if what == "killed before it went on":
+        monkeypatch.setattr(session, "_train", lambda *_: None)
+        train(run, folder, done.append)
+        monkeypatch.undo()
+    elif what == "without its last state":  # as results of an older version
+        (folder / "last.npz").unlink()
+    elif what == "other rows":
+        text = (folder / "progress.csv").read_text().replace("reach_avoid", "reach_avoit", 1)
+        (folder / "progress.csv").write_text(text)
+    train(run, folder, done.append)
+    assert done == ([5, 6] if what in ("whole", "killed before it went on") else [1, 2, 3, 4, 5, 6])
+    assert files(folder) == files(tmp_path / "whole")
+
+
 def test_a_finished_run_is_left_alone(cases, tmp_path):
     run = cases["tltl_episodic"]
     train(run, tmp_path, lambda _: None)
@@ -239,7 +269,7 @@ def test_the_second_stage_explores_about_the_motion_that_the_first_one_learned(c
     setup, policy, _, _ = by_hand(cases["tltl_episodic"])
     policy = replace(policy, mean=policy.mean + np.random.default_rng(0).normal(0, 1.5, policy.mean.shape))
     again = AlgorithmConfig(feedback=-20.0, initial_std=0.1, correlation=3.0)
-    refined = refined_policy(setup, policy, again)
+    refined = refined_policy(setup.task, setup.simulator, policy, again)
     before, after = (mean_motion(setup.simulator, p) for p in (policy, refined))
     np.testing.assert_allclose(after.features, before.features, atol=1e-9)
     assert np.abs(before.commands).max() > 2.0  # the first one asked for more than the actuators can do
@@ -296,3 +326,93 @@ def test_mistakes_in_the_second_stage_are_told_before_anything_runs(refine, mess
 def test_basis_functions_do_not_go_with_rewards_of_single_steps():
     with pytest.raises(UserError, match=r"algorithm\.basis: continuous_step learns from the rewards of single steps"):
         runs("cases=[continuous_step]", "algorithm.basis=5")
+
+
+def test_a_learned_motion_is_made_calm_and_stopped_on_the_way_comes_to_the_same_bytes(tmp_path, monkeypatch):
+    """The learned policy stays as it is; the calm one is of its own and keeps the feedback."""
+    options = ("cases=[tltl_episodic]", "spec=" + str(write_spec(tmp_path)))
+    plain = runs(*options)["tltl_episodic"]
+    run = runs(*options, "algorithm.calm=4")["tltl_episodic"]
+    train(plain, tmp_path / "plain", lambda _: None)
+    train(run, tmp_path / "undisturbed", lambda _: None)
+    learned, calm = (learned_policy(tmp_path / "undisturbed", name) for name in ("policy.npz", "calm.npz"))
+    assert not (tmp_path / "plain" / "calm.npz").exists()
+    assert (tmp_path / "plain" / "policy.npz").read_bytes() == (tmp_path / "undisturbed" / "policy.npz").read_bytes()
+    np.testing.assert_array_equal(calm.gain, learned.gain)
+    assert not calm.covariance.any()
+    done = json.loads((tmp_path / "undisturbed" / "done.json").read_text())
+    assert done["satisfied"]
+    assert done["calm"]["robustness_policy"] >= 0.7 * done["robustness_policy"]
+    assert done["calm"]["motion"]["acceleration_rms"] < 0.5 * done["motion"]["acceleration_rms"]
+    assert done["calm"]["batches"] == 4
+    assert done["calm"]["episodes"] >= 4 * 20
+
+    monkeypatch.setattr(session, "CHECKPOINT_SECONDS", 0.0)
+
+    def stop_in_the_third(run, setup, policy, calm, floor):
+        if calm.batches == 2:
+            raise Stop
+        return calmer(run, setup, policy, calm, floor)
+
+    monkeypatch.setattr(calm_module, "calmer", stop_in_the_third)
+    with pytest.raises(Stop):
+        train(run, tmp_path / "stopped", lambda _: None)
+    assert not (tmp_path / "stopped" / "done.json").exists()
+    begun = []
+
+    def noted(run, setup, policy, calm, floor):
+        begun.append(calm.batches)
+        return calmer(run, setup, policy, calm, floor)
+
+    monkeypatch.setattr(calm_module, "calmer", noted)
+    train(run, tmp_path / "stopped", lambda _: None)
+    assert begun == [2, 3]  # it went on from its own checkpoint
+    for name in ("progress.csv", "policy.npz", "calm.npz", "done.json"):
+        assert (tmp_path / "stopped" / name).read_bytes() == (tmp_path / "undisturbed" / name).read_bytes(), name
+    assert not list((tmp_path / "stopped").glob("*checkpoint*"))
+
+
+def write_spec(folder):
+    path = folder / "away.tltl"
+    path.write_text("signal ee[2]\nspec: G ee.x > -10\n")
+    return path
+
+
+@pytest.mark.parametrize("unit", [1e-3, 40.0, 1e3])
+def test_with_normalised_predicates_the_unit_of_one_leaves_the_learned_policy_the_same(tmp_path, unit):
+    text = "signal ee[2]\nconst c = 1\nspec: F c * distance(ee, (1.5, 1)) < c * 0.2 & G ee.y > 0.1\n"
+    means = []
+    for c in (1.0, unit):
+        (tmp_path / "task.tltl").write_text(text)
+        overrides = (f"spec={tmp_path / 'task.tltl'}", f"+constants.c={c}", "algorithm.normalise=true")
+        run = runs("cases=[tltl_episodic]", *overrides)["tltl_episodic"]
+        train(run, tmp_path / str(c), lambda _: None)
+        means.append(learned_policy(tmp_path / str(c)).mean)
+        assert json.loads((tmp_path / str(c) / "done.json").read_text())["robustness_policy"] < 0  # in its own units
+    np.testing.assert_allclose(means[1], means[0], atol=1e-6)
+
+
+def test_learning_starts_from_a_policy_that_was_learned(cases, tmp_path):
+    """About its mean motion, wherever its file lies; what it says counts."""
+    run = cases["tltl_episodic"]
+    train(run, tmp_path / "first", lambda _: None)
+    train(run, tmp_path / "moved", lambda _: None)
+    onward = runs(f"++algorithm.policy={tmp_path}/first", "algorithm.iterations=1", "cases=[tltl_episodic]")
+    (again,) = onward.values()
+    task = set_up(again).task
+    started = first_policy(task, again.algorithm)
+    motion = mean_motion(set_up(run).simulator, learned_policy(tmp_path / "first"))
+    np.testing.assert_allclose(mean_motion(set_up(run).simulator, started).features, motion.features, atol=1e-9)
+    np.testing.assert_array_equal(started.covariance, first_policy(task, run.algorithm).covariance)
+    elsewhere = replace(again, algorithm=replace(again.algorithm, policy=f"{tmp_path}/moved/policy.npz"))
+    assert (
+        again.identity()
+        == elsewhere.identity()
+        != replace(again, algorithm=replace(again.algorithm, policy="")).identity()
+    )
+    of_another_task = "is a policy of 8 features, 3 commands and 30 steps; reach_avoid has"
+    for policy, steps, message in (
+        ("nix", 30, "cannot be read"), ("first/done.json", 30, "is no policy.npz"), ("first", 31, of_another_task),
+    ):  # fmt: skip
+        with pytest.raises(UserError, match=f"^algorithm.policy: .*{message}"):
+            runs(f"++algorithm.policy={tmp_path}/{policy}", f"task.steps={steps}")

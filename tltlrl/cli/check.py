@@ -3,7 +3,7 @@
 import json
 import math
 import sys
-from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
+from argparse import ArgumentParser, Namespace
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TextIO
@@ -12,7 +12,9 @@ import numpy as np
 
 from tltlrl.errors import UserError
 from tltlrl.logic import Explanation, Spec, load_spec
-from tltlrl.logic.trace import Recording, columns, read_recording
+from tltlrl.logic.trace import Arrays, Recording, columns, read_recording
+from tltlrl.logic.traps import unequal_scales
+from tltlrl.resources import spec_path, user_path
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 PICTURES = (".png", ".pdf", ".svg")
@@ -23,23 +25,19 @@ exit codes:
   1  the trace does not satisfy the spec (robustness <= 0)
   2  something in the spec, the trace or the command has to be mended: one message says what
 
-A trace is a CSV file with one row per sample and named columns: a scalar signal's column has its name, a vector
-signal's components are ee.x, ee.y, ee.z or ee[0], ee[1], ...; other columns and lines that begin with # are ignored.
-Where the spec counts in seconds, a column time (or t), in seconds, says how far apart samples are.
+A trace is a CSV file with one row per sample and named columns, parted by commas, semicolons or tabs: a scalar signal's
+column has its name, a vector signal's components are ee.x, ee.y, ee.z or ee[0], ee[1], ..., else ee_x or ee_0, ...;
+--signal says other names. Other columns and lines that begin with # are ignored. Or it is an NPZ file with an array for
+each signal, (T,) or (T, d). Where the spec counts in seconds, a column or array time (or t), in seconds, says how far
+apart samples are.
 """
 
 
-def add_parser(subparsers: Any, about: str) -> None:
-    """Add the sub-command `check` to a parser's sub-commands; `command(arguments)` of its result does the work."""
-    parser: ArgumentParser = subparsers.add_parser(
-        "check",
-        help=about,
-        description=__doc__,
-        epilog=EXIT_CODES,
-        formatter_class=RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("spec", metavar="SPEC", help="a .tltl file")
-    parser.add_argument("trace", metavar="TRACE.csv", nargs="?", help="one recorded trajectory")
+def add_arguments(parser: ArgumentParser) -> None:
+    """Adds the arguments of `tltl check`."""
+    parser.epilog = EXIT_CODES
+    parser.add_argument("spec", metavar="SPEC", help="a .tltl file: a path of your own, or one that comes with tltlrl")
+    parser.add_argument("trace", metavar="TRACE.csv", nargs="?", type=user_path, help="one recorded trajectory")
     parser.add_argument(
         "--set",
         metavar="NAME=VALUE",
@@ -47,34 +45,53 @@ def add_parser(subparsers: Any, about: str) -> None:
         default=[],
         help="override a constant: goal_radius=0.3, goal=[1,2], goal.r=[1,2]; may be repeated",
     )
-    parser.add_argument("--plot", metavar="FILE", help="draw signals and sub-formulas over time (.png, .pdf, .svg)")
-    parser.set_defaults(command=run)
+    parser.add_argument(
+        "--signal",
+        metavar="NAME=COLUMNS",
+        action="append",
+        default=[],
+        help="columns of a signal that have other names: ee=pose.x,pose.y; may be repeated",
+    )
+    parser.add_argument(
+        "--plot",
+        metavar="FILE",
+        type=user_path,
+        help=f"draw signals and sub-formulas over time ({', '.join(PICTURES)})",
+    )
 
 
 def run(arguments: Namespace) -> int:
-    """The sub-command; returns its exit code.
+    """The command; returns its exit code.
 
     Raises:
       UserError: for exit code 2.
     """
-    return check(arguments.spec, arguments.trace, constants_from(arguments.set), arguments.plot)
+    return check(
+        arguments.spec,
+        arguments.trace,
+        constants_from(arguments.set),
+        arguments.plot,
+        names=columns_from(arguments.signal),
+    )
 
 
 def check(
-    spec_path: str | Path,
+    path: str | Path,
     trace_path: str | Path | None = None,
     constants: Mapping[str, object] | None = None,
     plot: str | Path | None = None,
     out: TextIO | None = None,
+    names: Mapping[str, list[str]] | None = None,
 ) -> int:
     """Checks a spec and, if given, a trace.
 
     Args:
-      spec_path: of a .tltl file.
-      trace_path: of a CSV file.
+      path: of a .tltl file, as for `read_spec`.
+      trace_path: of a CSV or NPZ file.
       constants: in place of the spec's own.
       plot: where to draw the trace, if anywhere.
       out: where to print, standard output if not given.
+      names: signal => names of its columns in the trace, where these are not the usual ones.
 
     Returns:
       The exit code 0 or 1 (see EXIT_CODES).
@@ -85,14 +102,7 @@ def check(
     out = out or sys.stdout
     if plot is not None:
         _check_picture(Path(plot), trace_path)
-    if Path(spec_path).is_char_device():
-        raise UserError(f"{spec_path}: the spec is a device; expected a file; give the path of a .tltl file")
-    try:
-        spec = load_spec(spec_path, constants)
-    except OSError as error:
-        raise UserError(
-            f"{spec_path}: the spec cannot be read: {error.strerror}; give the path of a .tltl file"
-        ) from None
+    spec = read_spec(str(path), constants)
     if trace_path is None:
         print(described(spec), file=out)
         return 0
@@ -100,10 +110,10 @@ def check(
     if spec.counts_seconds:
         spec = as_sampled(spec, recording)
     print(described(spec), file=out)
-    signals = recording.signals(spec.signals)
+    signals = recording.signals(spec.signals, names)
     (why,) = spec.explain(signals)
     steps = next(iter(signals.values())).shape[1]
-    print(judged(why, f"{trace_path}, {steps} samples"), file=out)
+    print(judged(why, f"{trace_path}, {steps} samples", warnings(spec, signals)), file=out)
     if plot is not None:
         from tltlrl.reports.trace import draw  # Matplotlib takes longer than the rest of the command
 
@@ -112,7 +122,22 @@ def check(
     return 0 if why.satisfied else 1
 
 
-def as_sampled(spec: Spec, recording: Recording) -> Spec:
+def read_spec(name: str, constants: Mapping[str, object] | None = None) -> Spec:
+    """The spec of a user's own file or, where there is none at that path, the one of that name shipped with tltlrl.
+
+    Raises:
+      UserError: if there is none, or it cannot be read.
+    """
+    path = user_path(name)
+    if path.is_char_device():
+        raise UserError(f"{name}: the spec is a device; expected a file; give the path of a .tltl file")
+    try:
+        return load_spec(path if path.exists() else spec_path(name), constants)
+    except OSError as error:
+        raise UserError(f"{name}: the spec cannot be read: {error.strerror}; give the path of a .tltl file") from None
+
+
+def as_sampled(spec: Spec, recording: Recording | Arrays) -> Spec:
     """The spec with the sampling period of a recording.
 
     Raises:
@@ -122,7 +147,7 @@ def as_sampled(spec: Spec, recording: Recording) -> Spec:
     if period is None:
         if spec.period is None:
             raise UserError(
-                f"{recording.path}:{recording.top}:1: the spec counts in seconds, and there is no column of times; "
+                f"{recording.place}: the spec counts in seconds, and there is no column of times; "
                 "expected one named time, in seconds; add it, or write for instance 'period 0.05 s' into the spec"
             )
         return spec
@@ -130,7 +155,7 @@ def as_sampled(spec: Spec, recording: Recording) -> Spec:
         return spec.sampled(period)
     if not math.isclose(spec.period, period, rel_tol=0.01):
         raise UserError(
-            f"{recording.path}:{recording.top}:1: the samples are {period:.6g} s apart, but the spec says "
+            f"{recording.place}: the samples are {period:.6g} s apart, but the spec says "
             f"{spec.period:.12g} s; expected one period; correct one of them"
         )
     return spec
@@ -171,6 +196,24 @@ def constants_from(settings: list[str]) -> dict[str, object]:
     return constants
 
 
+def columns_from(settings: list[str]) -> dict[str, list[str]]:
+    """`["ee=pose.x,pose.y"]` as `{"ee": ["pose.x", "pose.y"]}`.
+
+    Raises:
+      UserError: if a name is missing or given twice.
+    """
+    names: dict[str, list[str]] = {}
+    for setting in settings:
+        name, _, own = setting.partition("=")
+        found = [column.strip() for column in own.split(",")]
+        if name.strip() in names or not name.strip() or not all(found):
+            raise UserError(
+                f"--signal {setting}: expected each signal once, with its columns; write NAME=COLUMN,COLUMN"
+            )
+        names[name.strip()] = found
+    return names
+
+
 def described(spec: Spec) -> str:
     """What a spec needs, and its formula as it was read."""
 
@@ -185,6 +228,7 @@ def described(spec: Spec) -> str:
         name: "number" if d is None else f"vector of {d}: columns {', '.join(columns(name, d))}"
         for name, d in spec.signals.items()
     }
+    kinds |= dict.fromkeys(spec.booleans, "true or false")
     sections = [
         ("spec", [str(spec.path)]),
         ("formula", [spec.formula]),
@@ -196,6 +240,7 @@ def described(spec: Spec) -> str:
         ),
         ("period", [] if spec.period is None else [f"{spec.period:.12g} s"]),
         ("horizon", [_horizon(spec)]),
+        ("warning", [f"{trap.line}:{trap.column}: {trap.text}" for trap in spec.traps]),
     ]
     return _table(sections)
 
@@ -210,8 +255,26 @@ def _horizon(spec: Spec) -> str:
     return f"the first {spec.horizon + 1} samples{seconds}"
 
 
-def judged(why: Explanation, trace: str) -> str:
-    """Robustness, verdict and explanation of one trajectory."""
+def warnings(spec: Spec, signals: Mapping[str, Array]) -> list[str]:
+    """What is easily missed in how one trajectory fares.
+
+    Args:
+      spec: of known period.
+      signals: of the trajectory, (1, T) or (1, T, d).
+    """
+    told = []
+    steps = next(iter(signals.values())).shape[1]
+    if spec.horizon is not None and spec.horizon >= steps:
+        told.append(
+            f"the formula looks at {spec.horizon + 1} samples and the trace ends after {steps}: windows are cut, X may "
+            "have no next sample"
+        )
+    margins = {text: values[0] for text, values in spec.predicates_over_time(signals).items()}
+    return told + [text for text in [unequal_scales(margins)] if text is not None]
+
+
+def judged(why: Explanation, trace: str, warned: list[str]) -> str:
+    """Robustness, verdict and explanation of one trajectory, and what is easily missed."""
     values = [f"{value:+12.6g}  {name}" for name, value in why.definitions.items()]
     return _table(
         [
@@ -220,6 +283,7 @@ def judged(why: Explanation, trace: str) -> str:
             ("verdict", [why.verdict]),
             ("explanation", [f"decided {why.decided_by} ({why.place})"]),
             ("at step 0", values),
+            ("warning", warned),
         ]
     )
 

@@ -1,78 +1,110 @@
-"""`tltl evaluate RUN`: trials of a learned policy, in the evaluation scene, and their success rate."""
+"""`tltl evaluate RUN`: trials of a learned policy, in the evaluation scene, and their success rate.
+
+With --trace motion.csv the learned motion, without any noise, is written as a trace; with --samples 3 so are three
+sampled ones, as motion_1.csv and so on. `tltl check SPEC motion.csv --plot motion.png` explains them.
+"""
 
 from __future__ import annotations
 
-from argparse import Namespace
+import json
+import shlex
+from argparse import ArgumentParser, Namespace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.stats import binomtest
 
 from tltlrl.errors import UserError
-from tltlrl.experiments.experiment import open_run
+from tltlrl.experiments.experiment import open_calm, open_run
 from tltlrl.learning.policy import Policy
+from tltlrl.logic import Spec, load_spec
+from tltlrl.logic.trace import write_recording
+from tltlrl.resources import user_path
 from tltlrl.simulation.motion import MEASURES, measures
 from tltlrl.simulation.rollout import Simulator
 from tltlrl.simulation.trials import mean_motion
 from tltlrl.training.build import make_task
-from tltlrl.training.session import calm_policy
 from tltlrl.training.study import MOST_TRIALS, Run
-from tltlrl.training.verdict import try_policy
+from tltlrl.training.verdict import Motions, motions, try_policy
 
 
-def add_parser(subparsers: Any, about: str) -> None:
-    """Adds `evaluate` to a parser's sub-commands."""
-    parser = subparsers.add_parser("evaluate", help=about, description=__doc__)
-    parser.add_argument("run", type=Path, metavar="RUN", help="for instance runs/reach_avoid/tltl_episodic/seed_0")
+def add_arguments(parser: ArgumentParser) -> None:
+    """Adds the arguments of `tltl evaluate`."""
+    parser.add_argument("run", type=user_path, metavar="RUN", help="for instance runs/reach_avoid/tltl_episodic/seed_0")
     parser.add_argument("--trials", type=int, default=10, help="how many (default 10, as in the case study)")
+    parser.add_argument("--trace", type=user_path, metavar="FILE.csv", help="write the learned motion as a trace")
+    parser.add_argument("--samples", type=int, default=0, help="write so many sampled motions, too (default 0)")
     parser.add_argument("--seed", type=int, default=0, help="of the actuators' noise (default 0)")
-    parser.set_defaults(command=evaluate)
 
 
-def evaluate(arguments: Namespace) -> int:
-    """The sub-command; returns its exit code.
+def run(arguments: Namespace) -> int:
+    """The command; returns its exit code.
 
     Raises:
       UserError: if there is no finished run, or the numbers make no sense.
     """
+    if arguments.samples and arguments.trace is None:
+        raise UserError("--samples: say where to, as in --trace motion.csv")
+    if not 0 <= arguments.samples <= MOST_TRIALS:
+        raise UserError(f"--samples must lie between 0 and {MOST_TRIALS}")
     if not 1 <= arguments.trials <= MOST_TRIALS or arguments.seed < 0:
         raise UserError(f"--trials must lie between 1 and {MOST_TRIALS}, and --seed be at least 0")
-    run, policy = open_run(arguments.run)
-    calm = calm_policy(arguments.run)
+    learned, policy = open_run(arguments.run)
+    calm = open_calm(arguments.run)
     if calm is not None:
-        print("the learned policy:")
-    show(run, policy, arguments.trials, arguments.seed)
+        print("the learned policy")
+    _tell(learned, policy, arguments)
     if calm is not None:
-        print("\nthe calm policy, simplified from it:")
-        show(run, calm, arguments.trials, arguments.seed)
+        print("\nthe calm policy")
+        _tell(learned, calm, arguments)
+    if arguments.trace is not None:
+        rng = np.random.default_rng(arguments.seed)
+        write_traces(arguments.trace, learned, motions(learned, policy, arguments.samples, rng))
+        print(f"explained by: {check_command(learned.spec, arguments.trace)}")
     return 0
 
 
-def show(run: Run, policy: Policy, count: int, seed: int) -> None:
-    """Trials of a policy, their success rate, and how it moves without noise.
-
-    Args:
-      run: that the policy is of.
-      policy: what is tried.
-      count: trials.
-      seed: of the actuators' noise.
-    """
-    tried = try_policy(run, policy, count, np.random.default_rng(seed))
-    for trial, why in enumerate(run.spec.explain(tried.signals, tried.lengths)):
+def _tell(learned: Run, policy: Policy, arguments: Namespace) -> None:
+    """The trials of one policy and the measures of its motion, to the terminal."""
+    tried = try_policy(learned, policy, arguments.trials, np.random.default_rng(arguments.seed))
+    for trial, why in enumerate(learned.spec.explain(tried.signals, tried.lengths)):
         judged = "".join(f"; {name}: {'yes' if values[trial] else 'no'}" for name, values in tried.outcomes.items())
         print(f"trial {trial}: robustness {why.value:+.4f}, {why.verdict}; decided {why.decided_by}{judged}")
     for name, successes in {"success": tried.robustness > 0, **tried.outcomes}.items():
-        good = int(np.sum(successes))
-        interval = binomtest(good, count).proportion_ci(method="wilson")
+        count = int(np.sum(successes))
+        interval = binomtest(count, arguments.trials).proportion_ci(method="wilson")
         print(
-            f"{name} rate {good}/{count} = {good / count:.2f} "
+            f"{name} rate {count}/{arguments.trials} = {count / arguments.trials:.2f} "
             f"(95 % Wilson interval {interval.low:.2f} to {interval.high:.2f})"
         )
-    task = make_task(run.task)
+    task = make_task(learned.task)
     simulator = Simulator(task)
-    found = measures(task, run.spec, mean_motion(simulator, policy), simulator.command_range)
+    found = measures(task, learned.spec, mean_motion(simulator, policy), simulator.command_range)
     print("the noise-free motion of the mean policy:")
     for name, value in found.items():
         if value is not None:
             print(f"  {name:<20} {value:8.3f}  {MEASURES[name]}")
+
+
+def write_traces(path: Path, run: Run, moved: Motions) -> None:
+    """The mean motion to `path`, sampled ones beside it, and what they are worth to the terminal.
+
+    Raises:
+      UserError: if a file cannot be written.
+    """
+    period = make_task(run.task).control_timestep
+    for i, (length, robustness) in enumerate(zip(moved.lengths, moved.robustness, strict=True)):
+        own = path if i == 0 else path.with_name(f"{path.stem}_{i}{path.suffix}")
+        write_recording(own, {name: values[i, :length] for name, values in moved.signals.items()}, period)
+        print(f"{own}: {'the learned motion' if i == 0 else 'a sampled motion'}, robustness {robustness:+.6g}")
+
+
+def check_command(spec: Spec, trace: Path) -> str:
+    """The command that explains a trace by the spec with the constants that it was learned with."""
+    assert spec.path is not None
+    settings = []
+    for name, value in spec.constants.items():
+        if value != load_spec(spec.path).constants[name]:
+            family = {f"{name}.{label}": v for label, v in value.items()} if isinstance(value, dict) else {name: value}
+            settings += [text for key, v in family.items() for text in ("--set", f"{key}={json.dumps(v)}")]
+    return shlex.join(["tltl", "check", str(spec.path), str(trace), *settings])

@@ -31,6 +31,8 @@ def run(arguments: list[str]) -> int:
     """`tltl-run ARGUMENTS`; its exit code."""
 
     def command() -> int:
+        _render_nothing()
+
         from tltlrl.cli.run import tltl_run
 
         # Ctrl-C is not told for each experiment of -m: it ends them all.
@@ -46,24 +48,34 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def _tltl(arguments: list[str]) -> int:
+    if arguments and arguments[0] in COMMANDS:
+        if arguments[0] != "render":
+            _render_nothing()
+        module = importlib.import_module(f"tltlrl.cli.{arguments[0]}")
+        parser = argparse.ArgumentParser(
+            f"tltl {arguments[0]}",
+            description=module.__doc__,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+            allow_abbrev=False,
+        )
+        module.add_arguments(parser)
+        return int(module.run(parser.parse_intermixed_args(arguments[1:])))  # options stand anywhere
     parser = argparse.ArgumentParser("tltl", description="Check specs; evaluate, render and plot what was learned.")
     parser.add_argument("--version", action="store_true", help="of tltlrl")
     commands = parser.add_subparsers(metavar="COMMAND")
-    named = next((argument for argument in arguments if not argument.startswith("-")), None)
     for name, about in COMMANDS.items():
-        if name == named:
-            importlib.import_module(f"tltlrl.cli.{name}").add_parser(commands, about)
-        else:
-            commands.add_parser(name, help=about)
-    chosen = parser.parse_args(arguments)
-    if chosen.version:
+        commands.add_parser(name, help=about)
+    if parser.parse_args(arguments).version:
         from tltlrl import __version__
 
         print(f"tltlrl {__version__}")
         return 0
-    if "command" not in chosen:
-        parser.error(f"say which command, one of: {', '.join(COMMANDS)}")
-    return int(chosen.command(chosen))
+    raise UserError(f"say which command, one of: {', '.join(COMMANDS)}")
+
+
+def _render_nothing() -> None:
+    """What renders nothing needs no renderer, whatever MUJOCO_GL says; and to look for one takes a second."""
+    os.environ["MUJOCO_GL"] = "disable"
 
 
 def _told(name: str, arguments: list[str], command: Callable[[], int]) -> int:
@@ -83,7 +95,7 @@ def mistakes_told(name: str, command: Callable[[], int]) -> int:
     except BrokenPipeError:  # whoever read the output has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except (UserError, MemoryError) as error:
+    except (UserError, MemoryError, FloatingPointError) as error:  # the last: a simulation that diverged
         print(f"{name}: {error}", file=sys.stderr)
     except OSError as error:
         where = f"{error.filename}: " if error.filename is not None else ""

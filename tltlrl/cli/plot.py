@@ -2,29 +2,31 @@
 
 from __future__ import annotations
 
-from argparse import Namespace
-from pathlib import Path
-from typing import Any
+from argparse import ArgumentParser, Namespace
 
-from tltlrl.reports.plotting import plot_learning_curves, read_curves
+from tltlrl.reports.plotting import FORMATS, plot_learning_curves, read_curves, stem, titled
+from tltlrl.resources import user_path
 from tltlrl.store.layout import FIGURE
 
 
-def add_parser(subparsers: Any, about: str) -> None:
-    """Adds `plot` to a parser's sub-commands."""
-    parser = subparsers.add_parser("plot", help=about, description=__doc__)
-    parser.add_argument("experiments", type=Path, nargs="+", metavar="EXPERIMENT", help="for instance runs/reach_avoid")
-    parser.add_argument("--output", type=Path, help="where to, without suffix (default EXPERIMENT/learning_curves)")
-    parser.set_defaults(command=plot)
+def add_arguments(parser: ArgumentParser) -> None:
+    """Adds the arguments of `tltl plot`."""
+    parser.add_argument(
+        "experiments", type=user_path, nargs="+", metavar="EXPERIMENT", help="for instance runs/reach_avoid"
+    )
+    parser.add_argument(
+        "--output", type=user_path, help="where to; as .png and .pdf in any case (default EXPERIMENT/learning_curves)"
+    )
 
 
-def plot(arguments: Namespace) -> int:
-    """The sub-command; returns its exit code.
+def run(arguments: Namespace) -> int:
+    """The command; returns its exit code.
 
     Raises:
-      UserError: if an experiment's CSV file cannot be read.
+      UserError: if an experiment's CSV file cannot be read, or a picture of another kind is wanted.
     """
-    output = arguments.output or arguments.experiments[0] / FIGURE
-    plot_learning_curves([read_curves(folder) for folder in arguments.experiments], output)
-    print(f"{output}.png, {output}.pdf")
+    output = stem(arguments.output or arguments.experiments[0] / FIGURE)
+    experiments = [read_curves(folder) for folder in arguments.experiments]
+    plot_learning_curves(titled(arguments.experiments, experiments), output)
+    print(", ".join(f"{output}{suffix}" for suffix in FORMATS))
     return 0

@@ -2,42 +2,39 @@
 
 from __future__ import annotations
 
-from argparse import Namespace
-from pathlib import Path
-from typing import Any
+from argparse import ArgumentParser, Namespace
 
-from tltlrl.experiments.experiment import open_run
+from tltlrl.experiments.experiment import open_calm, open_run
 from tltlrl.reports.video import render_motion
 from tltlrl.reports.workspace import draw_workspace
-from tltlrl.store.layout import WORKSPACE
+from tltlrl.resources import user_path
+from tltlrl.store.layout import CALM_WORKSPACE, WORKSPACE
 from tltlrl.training.build import make_task
-from tltlrl.training.session import calm_policy
 
 
-def add_parser(subparsers: Any, about: str) -> None:
-    """Adds `render` to a parser's sub-commands."""
-    parser = subparsers.add_parser("render", help=about, description=__doc__)
-    parser.add_argument("run", type=Path, metavar="RUN", help="for instance runs/reach_avoid/tltl_episodic/seed_0")
-    parser.add_argument("--output", type=Path, help="a folder for them (default RUN)")
-    parser.set_defaults(command=render)
+def add_arguments(parser: ArgumentParser) -> None:
+    """Adds the arguments of `tltl render`."""
+    parser.add_argument("run", type=user_path, metavar="RUN", help="for instance runs/reach_avoid/tltl_episodic/seed_0")
+    parser.add_argument("--output", type=user_path, help="a folder for them (default RUN)")
 
 
-def render(arguments: Namespace) -> int:
-    """The sub-command; returns its exit code.
+def run(arguments: Namespace) -> int:
+    """The command; returns its exit code.
 
     Raises:
       UserError: if there is no finished run, or nothing can be rendered on this machine.
     """
-    run, policy = open_run(arguments.run)
+    learned, policy = open_run(arguments.run)
     folder = arguments.output or arguments.run
     folder.mkdir(parents=True, exist_ok=True)
-    calm = calm_policy(arguments.run)
-    for motion, suffix, what in ((policy, "", ""), (calm, "_calm", ", made calm")):
-        if motion is None:
+    calm = open_calm(arguments.run)
+    for shown, workspace, motion in ((policy, WORKSPACE, "motion"), (calm, CALM_WORKSPACE, "motion_calm")):
+        if shown is None:
             continue
-        if make_task(run.task).skeleton is not None:
-            draw_workspace(run, motion, folder / f"{WORKSPACE}{suffix}")
-            print(f"{folder}/{WORKSPACE}{suffix}.png, .pdf: the paths{what}")
-        render_motion(run, motion, folder / f"motion{suffix}")
-        print(f"{folder}/motion{suffix}.gif: the motion{what}; motion{suffix}.png: frames of it")
+        of = " of the calm policy" if shown is calm else ""
+        if make_task(learned.task).skeleton is not None:
+            draw_workspace(learned, shown, folder / workspace)
+            print(f"{folder}/{workspace}.png, .pdf: the paths{of}")
+        render_motion(learned, shown, folder / motion)
+        print(f"{folder}/{motion}.gif: the motion{of}; {motion}.png: frames of it")
     return 0

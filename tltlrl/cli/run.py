@@ -6,13 +6,12 @@ What takes time to import is imported by the functions that need it: a mistake i
 from __future__ import annotations
 
 import argparse
-import os
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
-from tltlrl.config.compose import GROUPS, compose, searchpath
+from tltlrl.config.compose import GROUPS, as_meant, compose, one_seed, one_value, parse, searchpath
 from tltlrl.errors import UserError
+from tltlrl.resources import user_path
 
 OPTIONS = ("--from", "--cfg", "-m", "--config-dir", "--version", "--help")
 
@@ -28,7 +27,7 @@ def tltl_run(arguments: list[str], told: Callable[[Callable[[], int]], int]) -> 
       UserError, SpecError: what the user has to mend.
     """
     chosen = _options(arguments)
-    overrides = [*searchpath(chosen.config_dir), *chosen.overrides]
+    overrides = [*searchpath(chosen.config_dir), *(as_meant(text, chosen.multirun) for text in chosen.overrides)]
     if chosen.help:
         from tltlrl.config.usage import usage
 
@@ -39,7 +38,6 @@ def tltl_run(arguments: list[str], told: Callable[[Callable[[], int]], int]) -> 
 
         print(f"tltlrl {__version__}")
         return 0
-    os.environ.setdefault("MUJOCO_GL", "disable")  # nothing here renders, and looking for a renderer takes a second
     command = ["tltl-run", *arguments]
     if chosen.manifest is not None and (chosen.multirun or chosen.config_dir):
         raise UserError("--from: it repeats one experiment, as its manifest says; leave out -m and --config-dir")
@@ -89,7 +87,7 @@ def _options(arguments: list[str]) -> argparse.Namespace:
     parser.add_argument("--from", dest="manifest", nargs="?", const="")
     parser.add_argument("--cfg")
     parser.add_argument("--multirun", "-m", action="store_true")
-    parser.add_argument("--config-dir", "-cd", type=Path)
+    parser.add_argument("--config-dir", "-cd", type=user_path)
     parser.add_argument("overrides", nargs="*")
     chosen, unknown = parser.parse_known_intermixed_args(arguments)
     if unknown:
@@ -105,15 +103,16 @@ def _refuse(option: str, arguments: list[str]) -> None:
 
     flag, _, value = option.partition("=")
     key = flag.lstrip("-").replace("-", "_")
-    if key.split(".")[0] not in (*KEYS, *GROUPS):
+    if key.split(".")[0] not in (*KEYS, *GROUPS, "seed"):
         raise UserError(f"{flag}: no such option; there are: {', '.join(OPTIONS)}")
-    following = arguments[arguments.index(option) + 1 :][:1]
-    raise UserError(f"{flag}: no such option; write {key}={value or ''.join(following)} (see --help)")
+    value = value or "".join(arguments[arguments.index(option) + 1 :][:1])
+    if key in ("seed", "seeds"):
+        raise UserError(f"{flag}: no such option; {one_seed(value)}")
+    raise UserError(f"{flag}: no such option; write {key}={value} (see --help)")
 
 
 def _repeated(manifest: str, overrides: Sequence[str]) -> dict[str, Any]:
     """The config of a manifest.json with other values for some keys."""
-    import yaml
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
 
@@ -121,10 +120,12 @@ def _repeated(manifest: str, overrides: Sequence[str]) -> dict[str, Any]:
 
     if not manifest:
         raise UserError("--from: give the manifest.json of an experiment, as in --from runs/NAME/manifest.json")
-    settings = settings_in(Path(manifest))
+    config = OmegaConf.create(settings_in(user_path(manifest)))
     try:
-        changes = OmegaConf.from_dotlist([override.lstrip("+") for override in overrides])
-        changed: Any = OmegaConf.to_container(OmegaConf.merge(settings, changes))
-    except (OmegaConfBaseException, yaml.YAMLError) as error:
+        for override in parse(overrides):
+            one_value(override)
+            OmegaConf.update(config, override.get_key_element().lstrip("+"), override.value(), force_add=True)
+        changed: Any = OmegaConf.to_container(config, resolve=True)
+    except OmegaConfBaseException as error:
         raise UserError(f"--from: {str(error).splitlines()[0]}") from error
     return dict(changed)

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import os
 import sys
-from argparse import Namespace
+from argparse import ArgumentParser, Namespace
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
-from tltlrl.config.compose import compose, searchpath
+from tltlrl.config.compose import as_meant, compose, searchpath
+from tltlrl.resources import user_path
 
 
-def add_parser(subparsers: Any, about: str) -> None:
-    """Adds `search` to a parser's sub-commands."""
-    parser = subparsers.add_parser("search", help=about, description=__doc__)
+def add_arguments(parser: ArgumentParser) -> None:
+    """Adds the arguments of `tltl search`."""
     parser.add_argument(
         "overrides",
         nargs="+",
@@ -25,18 +23,15 @@ def add_parser(subparsers: Any, about: str) -> None:
         "--trials", type=int, default=30, help="how many in all, those done before included (default 30)"
     )
     parser.add_argument("--seed", type=int, default=0, help="of the choice of trials (default 0)")
-    parser.add_argument("--config-dir", type=Path, metavar="DIR", help="look for configs of your own in DIR, too")
-    parser.set_defaults(command=search)
+    parser.add_argument("--config-dir", type=user_path, metavar="DIR", help="look for configs of your own in DIR, too")
 
 
-def search(arguments: Namespace) -> int:
-    """The sub-command; returns its exit code.
+def run(arguments: Namespace) -> int:
+    """The command; returns its exit code.
 
     Raises:
       UserError, SpecError: what the user has to mend.
     """
-    os.environ.setdefault("MUJOCO_GL", "disable")  # before the tasks are imported: nothing here renders
-
     from tltlrl.config.read import read
     from tltlrl.experiments.search import (
         Search,
@@ -50,7 +45,7 @@ def search(arguments: Namespace) -> int:
     )
 
     require_optuna()
-    fixed, space, distributions = parse_space([*searchpath(arguments.config_dir), *arguments.overrides])
+    fixed, space, distributions = parse_space([*searchpath(arguments.config_dir), *map(as_meant, arguments.overrides)])
 
     def configure(parameters: Mapping[str, Any]) -> dict[str, Any]:
         return compose([*fixed, *(f"{key}={value}" for key, value in parameters.items())])

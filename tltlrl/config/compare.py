@@ -27,7 +27,7 @@ def differences(
 
     Args:
       before, now: the two configs.
-      growing: keys with several members, which may have more of them now.
+      growing: keys with several members, or numbers, with their sections, which may have more of them now.
       added: keys, with their sections, that may be missing before.
     """
     old, new = (flatten(config) | {"spec": Path(str(config.get("spec"))).name} for config in (before, now))
@@ -38,11 +38,17 @@ def differences(
         if old.get(key) != new.get(key) and key not in free
     ]
     lines += [
-        f"  {key}: {before.get(key)} there, {now.get(key)} now (they can only grow)"
+        f"  {key}: {old.get(key)} there, {new.get(key)} now (they can only grow)"
         for key in growing
-        if not _members(before.get(key)) <= _members(now.get(key))
+        if not _grows(old.get(key), new.get(key))
     ]
     return "\n".join(lines)
+
+
+def _grows(before: Any, now: Any) -> bool:
+    if isinstance(before, int) and isinstance(now, int):
+        return before <= now
+    return _members(before) <= _members(now)
 
 
 def _members(value: Any) -> set[str]:

@@ -15,9 +15,12 @@ from typing import Any
 from tltlrl.config.compare import flatten
 from tltlrl.errors import UserError, module_of, nearest
 from tltlrl.registry import TASKS
-from tltlrl.resources import CONFIGS
+from tltlrl.resources import CONFIGS, user_path
 
 GROUPS = ("experiment", "task", "reward", "algorithm", "engine")  # chosen by the name of a file in configs/
+TEXTS = ("name", "spec", "runs_dir", "policy", "algorithm.policy")  # whatever is written there is the value
+LISTS = ("cases", "seeds")
+WORDS = ("null", "true", "false", "nan", "inf")  # that Hydra reads as no text
 
 
 def compose(overrides: Sequence[str]) -> dict[str, Any]:
@@ -30,17 +33,59 @@ def compose(overrides: Sequence[str]) -> dict[str, Any]:
     from omegaconf import OmegaConf
 
     for override in parse(overrides):
-        if override.is_sweep_override():
-            key = override.get_key_element().lstrip("+")
-            value = override.input_line.partition("=")[2]
-            written = f"{key}=[...]" if "(" in value else f"{key}=[{value}]"
-            raise UserError(f"{key}={value}: a list is written {written}; several experiments with -m (see --help)")
+        one_value(override)
     with complaints_told(overrides), initialized():
         config = hydra_compose("config", completed(overrides))
         settings: Any = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
     if "experiment" in settings:  # there is nothing to be found at this key
         raise UserError("experiment: the first line of the file that is chosen has to be `# @package _global_`")
     return dict(settings)
+
+
+def as_meant(override: str, several: bool = False) -> str:
+    """An override as Hydra has to be given it, from what its writer may mean by it.
+
+    `name`, `spec`, `runs_dir` and `policy` (short for `algorithm.policy`) are plain text; with several values, as -m
+    has them, a comma separates two of them unless there is such a file. The lists `cases` and `seeds` need no brackets,
+    which a shell may take for its own: `cases=tltl_episodic`, `seeds=7,8` and, as in Python, `seeds=7,` for the list
+    of one.
+    """
+    key, separator, value = override.partition("=")
+    name = key.lstrip("+")
+    if not separator:
+        return override
+    if name in TEXTS:
+        if several and re.fullmatch(r"(choice|glob|shuffle|sort)\(.*\)", value):
+            return override
+        parts = value.split(",") if several and not user_path(value).exists() else [value]
+        own = "algorithm.policy" if name == "policy" else key
+        return f"{own}={','.join(map(_text, parts))}"
+    if name in LISTS and not several and re.fullmatch(r"\w+(, *\w+)*,?", value) and (name == "cases" or "," in value):
+        return f"{key}=[{value.rstrip(',')}]"
+    return override
+
+
+def _text(value: str) -> str:
+    """A value that Hydra reads as this text; in quotes unless it would be read so anyway, or has them already."""
+    in_quotes = len(value) > 1 and value[0] == value[-1] and value[0] in "'\""
+    plain = re.fullmatch(r"[A-Za-z_][\w./-]*", value, flags=re.ASCII) and value.lower() not in WORDS
+    return value if in_quotes or plain or "${" in value else quoted(value)
+
+
+def one_value(override: Any) -> None:
+    """Whether an override, as `parse` gives it, sets its key to one value.
+
+    Raises:
+      UserError: if it has several, which only -m takes.
+    """
+    if not override.is_sweep_override():
+        return
+    key = override.get_key_element().lstrip("+")
+    value = override.input_line.partition("=")[2]
+    if key in GROUPS:
+        raise UserError(f"{key}={value}: these are several experiments; write -m {key}={value}")
+    written = f"'{key}=[...]'" if "(" in value else f"'{key}=[{value}]'"
+    raise UserError(f"{key}={value}: a list is written {written}; several experiments with -m (see --help)")
 
 
 def completed(overrides: Sequence[str]) -> list[str]:
@@ -171,6 +216,12 @@ def _addable(override: str) -> str:
     return f"++{override}" if override.startswith(("constants.", "algorithm.")) else override
 
 
+def one_seed(value: str | None) -> str:
+    """How to ask for one seed, which `seeds=3` does not."""
+    number = value if value and value.isdecimal() else "3"
+    return f"write 'seeds=[{number}]' for the seed {number} alone; seeds={number} is how many, from 0 on"
+
+
 def _explain_missing(key: str, overrides: Sequence[str]) -> str:
     if key == "spec" and any(override.startswith("task=") for override in overrides):
         return "spec: it has no value; give the .tltl file of what is to be learned, as in spec=my_task.tltl"
@@ -201,6 +252,8 @@ def _explain_composition(error: Any, overrides: Sequence[str]) -> str:
     text = str(error)
     if unknown := re.match(r"Could not (?:override|delete from config|append to config)[^']*'([^']+)'", text):
         key = unknown[1]
+        if key == "seed":
+            return f"seed: no such key; {one_seed(dict(o.split('=', 1) for o in overrides if '=' in o).get('seed'))}"
         return f"{key}: no such key{nearest(key, () if key.startswith('hydra') else _valid_keys(overrides))}"
     if missing := re.match(r"You must specify '(\w+)'", text):
         there = re.findall(r"^\t(\S+)$", text, flags=re.MULTILINE)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tltlrl.errors import UserError
+from tltlrl.resources import user_path
 from tltlrl.settings import check_value, setting, settings_of
 
 
@@ -39,4 +40,4 @@ class Machinery:
 
     def folder(self, name: str) -> Path:
         """Where the results of the study of that name lie."""
-        return Path(self.runs_dir) / name
+        return user_path(self.runs_dir) / name

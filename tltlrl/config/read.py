@@ -14,8 +14,7 @@ from tltlrl.config.machinery import Engine, Machinery
 from tltlrl.errors import UserError, nearest
 from tltlrl.logic import load_spec
 from tltlrl.registry import LEARNERS, TASKS
-from tltlrl.resources import spec_path
-from tltlrl.training.build import check, make_task
+from tltlrl.resources import spec_path, user_path
 from tltlrl.training.study import MOST_SEEDS, TLTL, AlgorithmConfig, Case, Stage, Study
 
 Settings = TypeVar("Settings")
@@ -31,9 +30,17 @@ def read(config: Mapping[str, Any]) -> tuple[Study, Machinery]:
     config = _of_the_right_kinds(config)
     address = dataclass_from(Engine, config["engine"], "engine").address
     machinery = Machinery(config["workers"], address, config["runs_dir"], config["overwrite"])
+    # What is wrong with these is told before MuJoCo is imported, which takes longer than finding it.
+    seeds = seeds_of(config["seeds"])
+    spec = load_spec(spec_path(config["spec"]), config["constants"])
+
+    from tltlrl.training.build import check, make_task
+
     entry = TASKS.get(str(config["task"].get("name")))
     cases = [case_of(str(name), entry.hand_made) for name in config["cases"]]
     names = list(dict.fromkeys(case.learner for case in cases))
+    if policy := config["algorithm"].get("policy"):  # for workers elsewhere, too
+        config["algorithm"] = {**config["algorithm"], "policy": str(user_path(str(policy)).resolve())}
     algorithm, learners = _algorithm(config["algorithm"], names)
     task: Any = dataclass_from(entry.config, config["task"], "task")
     reward: Any = dataclass_from(entry.reward, config["reward"], "reward")
@@ -44,9 +51,9 @@ def read(config: Mapping[str, Any]) -> tuple[Study, Machinery]:
         name=config["name"],
         task=task,
         reward=reward,
-        spec=load_spec(spec_path(config["spec"]), config["constants"]).sampled(make_task(task).control_timestep),
+        spec=spec.sampled(make_task(task).control_timestep),
         cases=tuple(cases),
-        seeds=_seeds(config["seeds"]),
+        seeds=seeds,
         algorithm=algorithm,
         learners=learners,
         refine=_refinement(config["algorithm"], names),
@@ -125,7 +132,8 @@ def _refinement(values: Mapping[str, Any], learners: Iterable[str]) -> dict[str,
     where, after = "algorithm.refine", changed.pop("after", None)
     if type(after) is not int or after < 1:
         raise UserError(f"{where}.after: expected the iterations of the first stage, a whole number, not {after!r}")
-    same = [name for name in ("iterations", "samples", "told", "calm", "keep", "refine") if name in changed]
+    common = ("iterations", "samples", "told", "normalise", "keep", "calm", "calm_share", "refine")
+    same = [name for name in common if name in changed]
     if same:
         raise UserError(
             f"{where}.{same[0]}: it is the same in both stages; set algorithm.{same[0]}, and leave it out here"
@@ -136,7 +144,12 @@ def _refinement(values: Mapping[str, Any], learners: Iterable[str]) -> dict[str,
     return {name: Stage(after, algorithm, own[name]) for name in learners}
 
 
-def _seeds(seeds: int | Sequence[int]) -> tuple[int, ...]:
+def seeds_of(seeds: int | Sequence[int]) -> tuple[int, ...]:
+    """The seeds that a config's key `seeds` means: these, or the first n.
+
+    Raises:
+      UserError: if there are too many.
+    """
     if not isinstance(seeds, int):
         return tuple(seeds)
     if seeds > MOST_SEEDS:

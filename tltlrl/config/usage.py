@@ -23,11 +23,12 @@ tltl-run: learn a robot task from its temporal-logic spec, and compare rewards o
 
 Examples
   tltl-run experiment=reach_avoid
-  tltl-run experiment=reach_avoid name=mine spec=my_task.tltl 'cases=[tltl_episodic]'
-  tltl-run experiment=reach_avoid name=small 'seeds=[7]' algorithm.samples=30 reward.goal=3
+  tltl-run experiment=reach_avoid name=mine spec=my_task.tltl cases=tltl_episodic
+  tltl-run experiment=reach_avoid name=small seeds=7, algorithm.samples=30 reward.goal=3
 
 Any key of the config below can be set as key=value; a list is written [1,2,3], without spaces.
-Constants of the spec are set with constants.NAME=value. The results go to <runs_dir>/<name>;
+Constants of the spec are set with constants.NAME=value. To start from a learned policy's motion:
+policy=runs/NAME/CASE/seed_0/policy.npz. The results go to <runs_dir>/<name>;
 the same command again finishes what is missing there. Ctrl-C keeps what is done.
 
 Experiments: {experiments}

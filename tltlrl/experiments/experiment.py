@@ -14,23 +14,25 @@ import yaml
 from tltlrl.config.compare import differences
 from tltlrl.config.keys import Role, having, kept, machinery_defaults
 from tltlrl.config.machinery import Machinery
-from tltlrl.config.read import read
+from tltlrl.config.read import read, seeds_of
 from tltlrl.errors import UserError
 from tltlrl.experiments.engine import check_scheduler, run_all
 from tltlrl.experiments.folder import empty, is_record, read_record, working_in
-from tltlrl.experiments.manifest import end_session, manifest, read_manifest, spec_name, start_session
+from tltlrl.experiments.manifest import end_session, manifest, read_manifest, spec_name, start_session, with_start_of
 from tltlrl.experiments.progress import Progress
 from tltlrl.learning.policy import Policy
 from tltlrl.reports.plotting import FORMATS
 from tltlrl.reports.report import write_report
 from tltlrl.reports.workspace import draw_workspace
 from tltlrl.store import layout
-from tltlrl.store.files import clear_leftovers, digest, write_json, write_text
-from tltlrl.store.layout import CONFIG, DONE, LOG, MANIFEST, POLICY, SPECS, WORKSPACE
-from tltlrl.store.run import DamagedError, drop_checkpoint, read_checkpoint, read_results
-from tltlrl.training.build import make_task
-from tltlrl.training.session import learned_policy
-from tltlrl.training.study import Run, Study
+from tltlrl.store.files import clear_leftovers, digest, write_bytes, write_json, write_text
+from tltlrl.store.layout import CALM, CALM_WORKSPACE, CONFIG, DONE, LOG, MANIFEST, POLICY, SPECS, START, WORKSPACE
+from tltlrl.store.run import DamagedError, read_checkpoint, read_results, robustness_so_far, shelve_checkpoint
+from tltlrl.training.build import cut_windows, make_task
+from tltlrl.training.session import learned_policy, shorter_run
+from tltlrl.training.study import Run, Study, with_later
+
+ITERATIONS = "algorithm.iterations"  # more of them go on where fewer have ended
 
 
 def processors() -> int:
@@ -56,25 +58,34 @@ def run_experiment(study: Study, machinery: Machinery, command: list[str]) -> bo
     if machinery.address is not None:
         check_scheduler(machinery.address)
     with working_in(folder):
-        notes = prepare(folder, study, machinery.overwrite)
+        whole, notes = prepare(folder, study, machinery.overwrite)
         missing, done, damages = survey(folder, study)
         before = read_manifest(folder / MANIFEST)
         if done and before is None:
             notes.append(f"{MANIFEST} was missing or damaged: who computed what is kept is not known any more")
+        if missing and (note := cut_windows(study)):
+            notes.append(note)
         if missing or before is None:  # otherwise nothing here is of this session, and the manifest stays as it is
             session = start_session(command)
-            write_json(folder / MANIFEST, manifest(study, before, session))
-        with Progress([label(run) for run in missing], study.algorithm.iterations, folder / LOG) as progress:
+            write_json(folder / MANIFEST, manifest(whole, before, session))
+        paths = [run_folder(folder, run) for run in missing]
+        with Progress(
+            [label(run) for run in missing],
+            study.algorithm.iterations,
+            folder / LOG,
+            lambda index: robustness_so_far(paths[index]),
+        ) as progress:
             for note in [*notes, *damages]:
                 progress.say(note)
             if done:
                 progress.say(f"{done} of {done + len(missing)} runs were done before and are kept")
             failures = compute(folder, study, machinery, missing, progress) if missing else {}
-        results = finished(folder, study)
-        write_report(folder, study, results, failures)
-        draw_cases(folder, study, results)
+            results = finished(folder, whole)
+            for line in write_report(folder, whole, results, failures):
+                progress.say(line)
+        draw_cases(folder, whole, results)
         if missing or before is None:
-            write_json(folder / MANIFEST, manifest(study, before, end_session(session)))
+            write_json(folder / MANIFEST, manifest(whole, before, end_session(session)))
     return not failures
 
 
@@ -89,7 +100,7 @@ def run_folder(folder: Path, run: Run) -> Path:
 
 
 def survey(folder: Path, study: Study) -> tuple[list[Run], int, list[str]]:
-    """The runs that have to be computed, the number of those that are done, and what was damaged since it was written.
+    """The runs that have to be computed, the number of those that are done, and what there is to say of the first.
 
     A run whose files are damaged is computed again: to the same bytes, since it depends on nothing but its `Run`.
     """
@@ -102,8 +113,12 @@ def survey(folder: Path, study: Study) -> tuple[list[Run], int, list[str]]:
                 missing.append(run)
                 read_checkpoint(path, run.identity())
             else:
-                drop_checkpoint(path)  # killed between its last two steps
+                shelve_checkpoint(path)  # killed between its last two steps
         except DamagedError as error:
+            if shorter := shorter_run(run, path):
+                missing.append(run)
+                damages.append(f"{label(run)} goes on after its {shorter.algorithm.iterations} iterations")
+                continue
             damages.append(f"{path}: {error}; the run is computed again")
             if run not in missing[-1:]:
                 missing.append(run)
@@ -136,6 +151,15 @@ def draw_cases(folder: Path, study: Study, results: Mapping[Path, Mapping[str, A
         if done and min(map(_written, pictures)) <= max(_written(path / POLICY) for path in done):
             median = done[(len(done) - 1) // 2]
             draw_workspace(runs[median], learned_policy(median), folder / case.name / WORKSPACE)
+            clear_pictures(folder / case.name / CALM_WORKSPACE)
+            if (calm := open_calm(median)) is not None:
+                draw_workspace(runs[median], calm, folder / case.name / CALM_WORKSPACE)
+
+
+def clear_pictures(path: Path) -> None:
+    """Deletes a picture in all its formats, if there is one."""
+    for suffix in FORMATS:
+        path.with_name(f"{path.name}{suffix}").unlink(missing_ok=True)
 
 
 def _written(path: Path) -> float:
@@ -152,13 +176,14 @@ def open_run(folder: Path) -> tuple[Run, Policy]:
     above = folder.resolve().parent.parent
     advice = "give one like runs/reach_avoid/tltl_episodic/seed_0"
     try:
-        settings = yaml.safe_load((above / CONFIG).read_text())
+        settings = yaml.safe_load((above / CONFIG).read_text(encoding="utf-8"))
         settings["spec"] = str(_spec_copy(above, settings["spec"]))
+        settings = with_start_of(above, settings)
         policy = learned_policy(folder)
-        (folder / DONE).read_text()
+        (folder / DONE).read_text(encoding="utf-8")
     except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError) as error:
         raise UserError(f"{folder} is not the folder of a finished run ({error}); {advice}") from error
-    study, _ = read(settings | machinery_defaults())
+    study, _ = read(with_later(settings) | machinery_defaults())
     for run in study.runs():
         if run_folder(above, run) == folder.resolve():
             try:
@@ -169,6 +194,18 @@ def open_run(folder: Path) -> tuple[Run, Policy]:
                 ) from error
             return run, policy
     raise UserError(f"{folder}: {above / CONFIG} knows no such case and seed")
+
+
+def open_calm(folder: Path) -> Policy | None:
+    """The calm policy of a finished run that `open_run` has read; None if it has none.
+
+    Raises:
+      UserError: if its file cannot be read.
+    """
+    try:
+        return learned_policy(folder, CALM) if (folder / CALM).exists() else None
+    except DamagedError as error:
+        raise UserError(f"{folder}: {error}; start its tltl-run again, which computes anew what is damaged") from error
 
 
 def compute(folder: Path, study: Study, machinery: Machinery, missing: list[Run], progress: Progress) -> dict[str, str]:
@@ -200,11 +237,11 @@ def compute(folder: Path, study: Study, machinery: Machinery, missing: list[Run]
     return failures
 
 
-def prepare(folder: Path, study: Study, overwrite: bool) -> list[str]:
+def prepare(folder: Path, study: Study, overwrite: bool) -> tuple[Study, list[str]]:
     """Makes the folder ready: new, emptied with overwrite=true, or the same experiment's.
 
     Returns:
-      What was damaged in it and was mended.
+      The study with the seeds that the folder has already, and what was damaged in it and was mended.
 
     Raises:
       UserError: if it holds something else, with the difference.
@@ -235,16 +272,35 @@ def prepare(folder: Path, study: Study, overwrite: bool) -> list[str]:
                     f"was damaged or deleted. Set another name=..., or overwrite=true to delete what is there."
                 )
             notes.append(f"{SPECS}/{spec_copy.name} was missing or damaged and is written again")
+    start, start_copy = study.algorithm.start(), folder / START
+    if start is not None:
+        if start_copy.exists() and start_copy.read_bytes() != start:
+            raise UserError(
+                f"{folder} was made from another policy (kept there as {START}). Set another name=..., or "
+                "overwrite=true to delete what is there."
+            )
+        write_bytes(start_copy, start)
     (folder / SPECS).mkdir(parents=True, exist_ok=True)
+    whole = study if before is None or overwrite else with_seeds(study, before["seeds"])
     write_text(spec_copy, study.spec.text)
-    write_text(config, yaml.safe_dump(dict(study.settings), sort_keys=False))
-    return notes
+    write_text(config, yaml.safe_dump(dict(whole.settings), sort_keys=False))
+    return whole, notes
+
+
+def with_seeds(study: Study, before: Any) -> Study:
+    """The study with these seeds, too, as a config gives them: asking for fewer is no other experiment."""
+    had = seeds_of(before)
+    if set(had) <= set(study.seeds):
+        return study
+    seeds = tuple(dict.fromkeys([*had, *study.seeds]))
+    setting = before if set(seeds) == set(had) else list(seeds)
+    return dataclasses.replace(study, seeds=seeds, settings={**study.settings, "seeds": setting})
 
 
 def changes(before: Mapping[str, Any], study: Study) -> str:
     """What makes a study another one than that of a result's config.yaml, one line each.
 
-    It may have more cases and seeds, and the settings of a learner that had no case before.
+    It may have more cases and iterations and any seeds, and the settings of a learner that had no case before.
     """
     cases = before.get("cases")
     had = {case.learner for case in study.cases if isinstance(cases, list) and case.name in cases}
@@ -254,7 +310,17 @@ def changes(before: Mapping[str, Any], study: Study) -> str:
         for field in dataclasses.fields(own)
         if name not in had
     }
-    return differences(before, study.settings, having(Role.GROWS), added)
+    growing = [*having(Role.GROWS), ITERATIONS]
+    had_then = {**before, "seeds": study.settings["seeds"]}
+    if isinstance(before.get("algorithm"), dict):  # of any version, and perhaps damaged
+        had_then["algorithm"] = {
+            key: value
+            for key, value in with_later(before)["algorithm"].items()
+            if key in before["algorithm"] or key in study.settings["algorithm"]
+        }
+        if had_then["algorithm"].get("policy") and study.algorithm.policy:  # its bytes count, and not where it lies
+            had_then["algorithm"]["policy"] = study.algorithm.policy
+    return differences(had_then, study.settings, growing, added)
 
 
 def _settings_before(folder: Path, known: Mapping[str, Any] | None) -> tuple[dict[str, Any] | None, bool]:
@@ -266,7 +332,7 @@ def _settings_before(folder: Path, known: Mapping[str, Any] | None) -> tuple[dic
       UserError: if the folder holds anything else; it is neither written to nor, with overwrite=true, deleted.
     """
     names = {entry.name for entry in folder.iterdir() if not entry.name.startswith(".")}
-    if not names - {SPECS}:
+    if not names - {SPECS, START}:
         return None, False
     if (before := read_record(folder / CONFIG, kept())) is not None:
         return before, False

@@ -17,8 +17,8 @@ from tltlrl.config.keys import machinery_defaults
 from tltlrl.errors import UserError
 from tltlrl.resources import spec_path
 from tltlrl.store.files import digest
-from tltlrl.store.layout import SPECS
-from tltlrl.training.study import Study
+from tltlrl.store.layout import SPECS, START
+from tltlrl.training.study import Study, with_later
 
 CONTENT = {
     "command", "started", "ended", "python", "packages", "git", "platform", "cpu", "specs", "config", "later_sessions",
@@ -57,6 +57,7 @@ def manifest(study: Study, before: Mapping[str, Any] | None, session: Mapping[st
         **{key: first[key] for key in session},
         "specs": {spec_name(study): digest(study.spec.text.encode())},
         "config": study.settings,
+        "start": None if (start := study.algorithm.start()) is None else {study.algorithm.policy: digest(start)},
         "later_sessions": later,
     }
 
@@ -64,7 +65,7 @@ def manifest(study: Study, before: Mapping[str, Any] | None, session: Mapping[st
 def read_manifest(path: Path) -> dict[str, Any] | None:
     """manifest.json as it is; None if there is none, or none that was written whole."""
     try:
-        content = json.loads(path.read_text())
+        content = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
     whole = (
@@ -96,7 +97,11 @@ def settings_in(path: Path) -> dict[str, Any]:
         raise UserError(
             f"{path}: {'not' if path.exists() else 'there is no such file; give'} the manifest.json of an experiment"
         )
-    settings = content["config"] | machinery_defaults() | {"runs_dir": str(path.resolve().parent.parent)}
+    settings = (
+        with_start_of(path.parent, with_later(content["config"]))
+        | machinery_defaults()
+        | {"runs_dir": str(path.resolve().parent.parent)}
+    )
     ((name, expected),) = content["specs"].items()
     try:
         text = spec_path(settings["spec"]).read_bytes().decode("utf-8-sig")
@@ -104,6 +109,14 @@ def settings_in(path: Path) -> dict[str, Any]:
     except UserError:
         unchanged = False
     return settings if unchanged else settings | {"spec": str(path.parent / SPECS / Path(name).name)}
+
+
+def with_start_of(folder: Path, settings: Mapping[str, Any]) -> dict[str, Any]:
+    """A result's config that starts from the result's own copy of the policy that it started from, if it did."""
+    copy = folder / START
+    if not (settings["algorithm"].get("policy") and copy.exists()):
+        return dict(settings)
+    return {**settings, "algorithm": {**settings["algorithm"], "policy": str(copy)}}
 
 
 def spec_name(study: Study) -> str:
@@ -135,7 +148,7 @@ def _git() -> dict[str, Any] | None:
 
 def _cpu() -> str:
     try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
         return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
     except (OSError, StopIteration):
         return platform.processor()

@@ -4,19 +4,29 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TextIO
 
 from tqdm import tqdm
 
 LINE_SECONDS = 30.0
+BAR_SECONDS = 1.0
 
 
 class Progress:
     """Counts iterations over all runs and says what is done and what time is left."""
 
-    def __init__(self, labels: list[str], iterations: int, log: Path, stream: TextIO | None = None) -> None:
+    def __init__(
+        self,
+        labels: list[str],
+        iterations: int,
+        log: Path,
+        robustness: Callable[[int], float | None] = lambda _: None,
+        stream: TextIO | None = None,
+    ) -> None:
         self._labels = labels
+        self._robustness = robustness  # of a run so far, by its index
         self._iterations = iterations
         self._done = [0] * len(labels)
         self._ended = 0
@@ -54,9 +64,14 @@ class Progress:
             self._earlier[index] = iteration - 1
         self._done[index] = iteration
         self._bar.update(sum(self._done) - self._bar.n)
-        if self._bar.disable and time.monotonic() - self._last_line > LINE_SECONDS:
+        if time.monotonic() - self._last_line > (LINE_SECONDS if self._bar.disable else BAR_SECONDS):
             self._last_line = time.monotonic()
-            self.say(f"{self._state()}; {self._labels[index]} at iteration {iteration}/{self._iterations}")
+            robustness = self._robustness(index)
+            so_far = "" if robustness is None else f", robustness {robustness:+.3f}"
+            if self._bar.disable:
+                self.say(f"{self._state()}; {self._labels[index]} at iteration {iteration}/{self._iterations}{so_far}")
+            else:
+                self._bar.set_postfix_str(f"{self._labels[index]}{so_far}")
 
     def end(self, index: int, error: Exception | None) -> None:
         """Run `index` has ended."""

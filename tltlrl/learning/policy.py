@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import convolve1d
 
 Array = NDArray[np.float64]
 
@@ -51,6 +50,9 @@ def correlated_noise(shape: tuple[int, int, int], width: float, rng: np.random.G
     """
     if width == 0:
         return rng.standard_normal(shape)
+
+    from scipy.ndimage import convolve1d  # a command that only tells a mistake need not wait for it
+
     count, steps, d = shape
     reach = int(np.ceil(4 * width))
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / width) ** 2)

@@ -31,14 +31,18 @@ OPERATORS = {
     "NEXT": "is the operator 'next'",
     "ALWAYS": "is the operator 'always'",
     "EVENTUALLY": "is the operator 'eventually'",
+    "XOR": "is the operator 'xor'",
+    "SINCE": "is the operator 'since'",
+    "PREVIOUS": "is the operator 'previous'",
+    "STRONG_PREVIOUS": "is the operator 'previous'",
+    "ONCE": "is the operator 'once'",
+    "HISTORICALLY": "is the operator 'historically'",
+    "TRUE": "is 'true'",
+    "FALSE": "is 'false'",
 }
 DECLARATIONS = {name.upper(): name for name in ("signal", "const", "let", "def", "spec")}
-ARITHMETIC = {"PLUS", "MINUS", "STAR", "SLASH", "POWER"}
 NO_EQUALITY = "a formula has no equality, its robustness would never be positive; write abs(a - b) < tolerance"
-LITERAL = (
-    "a constant is a number, a vector of numbers or a duration, as 0.2, (1.5, -2) or 1.5 s; "
-    "name anything else with 'let'"
-)
+LITERAL = "a vector stands in parentheses, as in const goal = (1.5, -2)"
 MARKS = {"RPAR": ")", "RSQB": "]", "COMMA": ",", "COLON": ":", "ASSIGN": "=", "IN": "in"}
 
 
@@ -70,7 +74,8 @@ class Stop:
     @property
     def missing(self) -> list[str]:
         """Marks that can stand here, the most likely first."""
-        return [mark for name, mark in MARKS.items() if name in self.accepts]
+        accepts = self.accepts - ({"COLON"} if "DOTS" in self.accepts else set())
+        return [] if self.declaration_wanted else [mark for name, mark in MARKS.items() if name in accepts]
 
     @property
     def marks(self) -> str:
@@ -163,16 +168,14 @@ TABLE: tuple[tuple[Condition, Advice], ...] = (
         ),
     ),
     (lambda s: s.name_wanted, lambda _: "expected a name; names begin with a letter"),
-    (lambda s: {"LPAR", "NUMBER"} <= s.accepts and "NAME" not in s.accepts, lambda _: LITERAL),
     (
-        lambda s: s.accepts == {"NUMBER"} and s.within == "signal",
-        lambda _: "expected a dimension, a whole number; write for instance ee[2]",
+        lambda s: s.accepts == {"NUMBER"} and s.text.rstrip().endswith(".."),
+        lambda _: "expected a whole number; a range ends with one, as in 1..3",
     ),
     (
-        lambda s: s.number_wanted and s.kind == "RPAR",
-        lambda _: "expected a number; a vector has two numbers or more, and one number stands without parentheses",
+        lambda s: s.accepts in ({"NUMBER"}, {"IN"}) and s.within == "signal",
+        lambda _: "expected a dimension, a whole number; write for instance ee[2], and for a family ped[i in 1..3][2]",
     ),
-    (lambda s: s.number_wanted, lambda _: f"expected a finite number; {LITERAL}"),
     (
         lambda s: s.accepts == {"DURATION"},
         lambda _: "expected a duration; write it with its unit (s, ms or min), as in 0.05 s",
@@ -194,8 +197,10 @@ TABLE: tuple[tuple[Condition, Advice], ...] = (
         lambda s: f"expected an operand; put parentheses around it: ({s.token} i in ...: ...)",
     ),
     (
-        lambda s: s.operand_wanted and s.kind == "LSQB" and s.before in {"X", "T", "W", "○", "◯"},
-        lambda _: "this operator takes no interval; delete it (X[!] is the strong next)",
+        lambda s: s.operand_wanted and s.kind == "LSQB" and s.before in {"X", "next", "previous", "○", "◯"},
+        lambda _: (
+            "this operator takes no interval; delete it (X[!] is the strong next, previous[!] the strong previous)"
+        ),
     ),
     (
         lambda s: s.operand_wanted and s.kind in {"LESS", "GREATER"} and s.before in {"<", ">"},
@@ -221,32 +226,7 @@ TABLE: tuple[tuple[Condition, Advice], ...] = (
     ),
     (lambda s: s.kind == "$END" and bool(s.missing), lambda s: f"expected '{s.missing[0]}'; close what is open"),
     (
-        lambda s: s.operand_found and s.foreign is not None,
-        lambda s: f"expected an operator{s.marks}; {s.foreign}",
-    ),
-    (
-        lambda s: s.operand_found,
-        lambda s: f"expected an operator{s.marks}; join the two parts, for instance with & or |",
-    ),
-    (
-        lambda s: s.operator_wanted,
-        lambda s: f"expected an operator{s.marks} or the end; delete it or close what was opened",
-    ),
-    (
-        lambda s: s.kind == "RPAR" and s.accepts == {"COMMA"},
-        lambda _: "expected ','; a vector has two numbers or more, and one number stands without parentheses",
-    ),
-    (
-        lambda s: s.windowed is not None and s.kind in {"COMMA", "COLON"},
-        lambda s: f"expected an operator before the interval; {s.windowed}",
-    ),
-    (
-        lambda s: s.kind == "RPAR" and s.missing == ["]"],
-        lambda _: "expected ']'; an interval holds both of its bounds, so that [0, 5) is [0, 4]",
-    ),
-    (lambda s: bool(s.missing), lambda s: f"expected {' or '.join(map(repr, s.missing))}; write it here"),
-    (
-        lambda s: s.declaration_wanted and s.within == "const" and s.kind in {*ARITHMETIC, "COMMA"},
+        lambda s: s.declaration_wanted and s.within == "const" and s.kind == "COMMA",
         lambda _: f"expected the next declaration; {LITERAL}",
     ),
     (
@@ -267,14 +247,38 @@ TABLE: tuple[tuple[Condition, Advice], ...] = (
         ),
     ),
     (
-        lambda s: s.declaration_wanted and s.within == "signal" and s.kind == "COLON",
-        lambda _: "expected the next declaration; a signal has no type: delete what begins with the colon",
+        lambda s: s.operand_found and s.declaration_wanted and re.search(r"\n\s*\Z", s.text) is not None,
+        lambda _: (
+            "expected an operator, the next declaration (signal, const, let, def) or the formula, 'spec: ...'; "
+            "begin it with one of these words, the formula with 'spec:'"
+        ),
     ),
+    (
+        lambda s: s.operand_found and s.foreign is not None,
+        lambda s: f"expected an operator{s.marks}; {s.foreign}",
+    ),
+    (
+        lambda s: s.operand_found,
+        lambda s: f"expected an operator{s.marks}; join the two parts, for instance with & or |",
+    ),
+    (
+        lambda s: s.operator_wanted,
+        lambda s: f"expected an operator{s.marks} or the end; delete it or close what was opened",
+    ),
+    (
+        lambda s: s.windowed is not None and s.kind in {"COMMA", "COLON"},
+        lambda s: f"expected an operator before the interval; {s.windowed}",
+    ),
+    (
+        lambda s: s.kind == "RPAR" and s.missing == ["]"],
+        lambda _: "expected ']'; an interval holds both of its bounds, so that [0, 5) is [0, 4]",
+    ),
+    (lambda s: bool(s.missing), lambda s: f"expected {' or '.join(map(repr, s.missing))}; write it here"),
     (
         lambda s: s.declaration_wanted and s.within == "signal" and s.kind == "LSQB",
         lambda _: (
             "expected the next declaration; a signal is one number or one vector: declare several, "
-            "as 'signal a[2] signal b[2]'"
+            "as 'signal a[2] signal b[2]', or a family, as 'signal a[i in 1..3][2]'"
         ),
     ),
     (
@@ -323,10 +327,7 @@ def expected(token: Token, accepts: set[str], text: str, after: str) -> str:
 def unknown_character(char: str) -> str:
     """What to do about a character that has no meaning in a spec."""
     advice = {
-        "~": "for 'not' write !",
         "^": "for a power write **, for 'and' write &",
-        "{": "group with ( )",
-        "}": "group with ( )",
         ";": "a declaration ends where the next one begins: delete it",
         '"': "names are written without quotes",
         "'": "names are written without quotes",

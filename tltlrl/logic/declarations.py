@@ -12,12 +12,15 @@ import numpy as np
 
 from tltlrl.errors import nearest
 from tltlrl.logic import syntax
-from tltlrl.logic.errors import Source, Span, SpecError, elsewhere
+from tltlrl.logic.errors import Source, Span, SpecError
 from tltlrl.logic.syntax import Node
 
 Value = float | tuple[float, ...]
 MAX_DIMENSION = 1000  # of a signal: each component is a node of its own
 
+# Those that no name can hide; the others are names where the text declares them.
+RESERVED = {"abs", "sqrt", "exp", "sin", "cos", "min", "max", "norm", "distance", "ball", "box"}
+NUMBERS = {"pi": math.pi}
 # name -> fewest and most arguments
 FUNCTIONS = {
     "abs": (1, 1),
@@ -25,6 +28,21 @@ FUNCTIONS = {
     "exp": (1, 1),
     "sin": (1, 1),
     "cos": (1, 1),
+    "tan": (1, 1),
+    "asin": (1, 1),
+    "acos": (1, 1),
+    "atan2": (2, 2),
+    "wrap": (1, 1),
+    "log": (1, 1),
+    "mod": (2, 2),
+    "floor": (1, 1),
+    "sign": (1, 1),
+    "clip": (3, 3),
+    "dot": (2, 2),
+    "previous": (1, 1),
+    "rise": (1, 1),
+    "fall": (1, 1),
+    "holds": (1, 1),
     "min": (1, math.inf),
     "max": (1, math.inf),
     "norm": (1, 1),
@@ -45,7 +63,9 @@ class Declarations:
 
     names: tuple[str, ...]
     signals: dict[str, int | None]
+    members: dict[str, tuple[str, str | None]]  # of signals: the family's name and the label of `ped[1]`
     signal_spans: dict[str, Span]
+    booleans: frozenset[str]  # names of the signals that are true or false
     families: dict[str, tuple[str, ...]]
     constants: dict[str, Value | dict[str, Value]]
     durations: frozenset[tuple[str, str | None]]
@@ -65,14 +85,24 @@ def declare(
     names, labels = _names(source, document)
     families = {name: tuple(found) for name, found in labels.items()}
     for d in document.declarations:
-        if isinstance(d, syntax.Definition) and d.variable:
+        if isinstance(d, syntax.Definition | syntax.Signal) and d.variable:
             check_binding(source, d.span, d.variable, d.labels, names)
-    own = [d for d in document.declarations if isinstance(d, syntax.Signal)]
-    signals, spans = {d.name: d.dimension for d in own}, {d.name: d.span for d in own}
+        for name in d.parameters if isinstance(d, syntax.Definition) else ():
+            if name in names or name in RESERVED:
+                raise SpecError(
+                    source, d.span, f"the parameter '{name}' has another meaning here; expected a new name; rename it"
+                )
+    own = [
+        (d, label, d.name if label is None else f"{d.name}[{label}]")
+        for d in document.declarations
+        if isinstance(d, syntax.Signal)
+        for label in d.labels or (None,)
+    ]
+    signals, spans = {title: d.dimension for d, _, title in own}, {title: d.span for d, _, title in own}
+    members = {title: (d.name, label) for d, label, title in own}
     if document.is_bare:
         signals, spans = _inferred_signals(document.formula)
-        for name in sorted({"true", "false"} & signals.keys()):
-            raise SpecError(source, spans[name], f"found '{name}'; expected the name of a signal; {elsewhere(name)}")
+        members = {name: (name, None) for name in signals}
         for name in sorted(FUNCTIONS.keys() & signals.keys()):
             raise SpecError(source, spans[name], f"'{name}' is a function; expected its arguments; write {name}(...)")
     constants = _effective_constants(source, document, families, {} if overrides is None else overrides)
@@ -81,7 +111,10 @@ def declare(
     durations = frozenset(
         (d.name, d.label) for d in document.declarations if isinstance(d, syntax.Constant) and d.is_duration
     )
-    return Declarations(names, signals, spans, families, constants, durations, period, settled, document.is_bare)
+    booleans = frozenset(title for d, _, title in own if d.is_boolean)
+    return Declarations(
+        names, signals, members, spans, booleans, families, constants, durations, period, settled, document.is_bare
+    )
 
 
 def _period(source: Source, document: syntax.Document, given: float | None) -> float | None:
@@ -122,7 +155,7 @@ def check_binding(source: Source, span: Span, variable: str, labels: tuple[str, 
     if len(set(labels)) < len(labels):
         twice = next(label for label in labels if labels.count(label) > 1)
         raise SpecError(source, span, f"the label '{twice}' is listed twice; expected once; delete one")
-    if variable in names or variable in labels or variable in FUNCTIONS:
+    if variable in names or variable in labels or variable in RESERVED:
         raise SpecError(
             source,
             span,
@@ -138,7 +171,7 @@ def _names(source: Source, document: syntax.Document) -> tuple[tuple[str, ...], 
         if isinstance(d, syntax.Period):
             continue
         first = declared.get(d.name)
-        if d.name in FUNCTIONS:
+        if d.name in RESERVED:
             raise SpecError(
                 source, d.span, f"'{d.name}' is a function of the language; expected a new name; choose another"
             )
@@ -158,6 +191,7 @@ def _names(source: Source, document: syntax.Document) -> tuple[tuple[str, ...], 
                 )
             if d.label is not None:
                 labels.setdefault(d.name, []).append(d.label)
+            assert not isinstance(d.value, Node)
             if not all(map(math.isfinite, d.value if isinstance(d.value, tuple) else (d.value,))):
                 raise SpecError(
                     source,
@@ -170,7 +204,7 @@ def _names(source: Source, document: syntax.Document) -> tuple[tuple[str, ...], 
                 d.span,
                 f"this is no dimension; expected a whole number from 1 to {MAX_DIMENSION}; write for instance ee[2]",
             )
-        if isinstance(d, syntax.Definition) and d.variable:
+        if isinstance(d, syntax.Definition | syntax.Signal) and d.variable:
             labels[d.name] = list(d.labels)
         declared.setdefault(d.name, d)
     return tuple(declared), labels
@@ -183,10 +217,11 @@ def _inferred_signals(formula: Node) -> tuple[dict[str, int | None], dict[str, S
     for node, _ in syntax.walk(formula):
         match node:
             case syntax.Name(name):
-                names.setdefault(name, node.span)
+                if name not in NUMBERS:
+                    names.setdefault(name, node.span)
             case syntax.Call("ball", (point, centre, _)):  # its radius is a scalar
                 alike.append((point, centre))
-            case syntax.Call("distance" | "box", terms):
+            case syntax.Call("distance" | "box" | "dot", terms):
                 alike.append(terms)
             case syntax.Arithmetic("+" | "-", a, b):
                 alike.append((a, b))
@@ -194,7 +229,7 @@ def _inferred_signals(formula: Node) -> tuple[dict[str, int | None], dict[str, S
     for terms in alike:
         for term in terms:
             for node, _ in syntax.walk(term):
-                if isinstance(node, syntax.Name):
+                if isinstance(node, syntax.Name) and node.name in told_by:
                     told_by[node.name].append(terms)
     known: dict[str, int] = {}
     pending = deque(alike)
@@ -217,7 +252,7 @@ def _dimension(node: Node, known: Mapping[str, int]) -> int | None:
             return len(items)
         case syntax.Name(name):
             return known.get(name)
-        case syntax.Negative(a):
+        case syntax.Negative(a) | syntax.Call("previous", (a,)):
             parts = iter((a,))
         case syntax.Arithmetic(_, a, b):
             parts = iter((a, b))
@@ -229,7 +264,7 @@ def _names_of_dimension(node: Node) -> set[str]:
     match node:
         case syntax.Name(name):
             return {name}
-        case syntax.Negative(a) | syntax.Arithmetic("/", a, _):
+        case syntax.Negative(a) | syntax.Call("previous", (a,)) | syntax.Arithmetic("/", a, _):
             return _names_of_dimension(a)
         case syntax.Arithmetic("+" | "-", a, b):
             return _names_of_dimension(a) | _names_of_dimension(b)
@@ -269,6 +304,7 @@ def _effective_constants(
         if name in families:
             if not isinstance(given, Mapping):
                 first = families[name][0]
+                assert not isinstance(d.value, Node)
                 raise SpecError(
                     source,
                     d.span,
@@ -298,6 +334,7 @@ def _effective_constants(
 
 def _value(source: Source, d: syntax.Constant, given: object) -> Value:
     """An override as floats, of the same dimension as the value it replaces."""
+    assert not isinstance(d.value, Node)
     plain = given.tolist() if isinstance(given, np.ndarray) else given
     if isinstance(d.value, tuple):
         if isinstance(plain, list | tuple) and len(plain) == len(d.value) and all(map(_is_number, plain)):
@@ -315,6 +352,19 @@ def _value(source: Source, d: syntax.Constant, given: object) -> Value:
         d.span,
         f"the override of '{what}' is {_shown(given)}; expected {expected}, finite, as the spec's own value; {advice}",
     )
+
+
+def overridden(source: Source, d: syntax.Constant, overrides: Mapping[str, object]) -> Value:
+    """The value of a constant, its own or that of an override.
+
+    Raises:
+      SpecError: if the override is of another kind.
+    """
+    assert not isinstance(d.value, Node)
+    given = overrides.get(d.name, d.value) if isinstance(overrides, Mapping) else d.value
+    if d.label is not None and isinstance(given, Mapping):
+        given = {str(k): v for k, v in given.items()}.get(d.label, d.value)
+    return _value(source, d, given)
 
 
 def _is_number(given: object) -> TypeGuard[float]:

@@ -73,9 +73,11 @@ class TraceError(_PointingError):
 _WRITTEN = {
     **dict.fromkeys(("always", "globally", "alw", "alw_"), "G"),
     **dict.fromkeys(("eventually", "finally", "ev", "ev_"), "F"),
+    **{word: word for word in ("once", "historically", "since", "previous", "xor", "true", "false")},
     "next": "X",
     "until": "U",
     "release": "R",
+    "unless": "W",
     "then": "T",
     "implies": "=>",
     "iff": "<=>",
@@ -83,17 +85,13 @@ _WRITTEN = {
     "or": "|",
     "not": "!",
 }
+_OF_BREACH = {"alw", "alw_", "ev", "ev_"}  # all others are words here, too, in small letters
 
 
 def elsewhere(word: str) -> str | None:
     """Advice for a word that means something in other languages, but nothing here; None for any other word."""
     if len(word) > 1 and set(word) <= set("GFXURWT"):
         return f"'{word}' is one name: write the operators apart, as {' '.join(word)}"
-    word = word.lower()
-    if word in _WRITTEN:
-        return f"'{word}' is written {_WRITTEN[word]}"
-    if word in {"true", "false"}:
-        return "there are no truth values, every formula has a margin: leave it out or write a comparison"
-    if word in {"once", "historically", "since", "previous"}:
-        return f"there are no operators of the past: '{word}' cannot be said"
+    if word.lower() in _WRITTEN and (word != word.lower() or word in _OF_BREACH):
+        return f"'{word}' is written {_WRITTEN[word.lower()]}"
     return None

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tltlrl.logic.graph import Array
+from tltlrl.logic.graph import PAST, Array
 from tltlrl.logic.resolve import Meaning, Truth
 from tltlrl.logic.semantics import Signals, Values, plan
 
@@ -17,8 +17,8 @@ class Explanation:
     min and max select: the value of a formula is the margin of one predicate at one step, with its sign
     turned once per negation on the way (`negated`: an odd number of times): `value == -margin if negated
     else margin`, exactly. When the end of the trajectory decides (X at the last sample, a T without a
-    second sample), `value` is infinite, `predicate`, `name`, `line`, `column` and `margin` are None and
-    `step` is the last sample.
+    second sample) or its start (previous at the first sample), `value` is infinite, `predicate`, `name`, `line`,
+    `column` and `margin` are None, `step` is the last sample or the first, and `edge` says which it is.
     """
 
     value: float
@@ -31,6 +31,7 @@ class Explanation:
     margin: float | None
     negated: bool
     definitions: Mapping[str, float]  # each named sub-formula's value on the whole trajectory
+    edge: str = "end"
 
     @property
     def satisfied(self) -> bool:
@@ -46,7 +47,7 @@ class Explanation:
     def decided_by(self) -> str:
         """How it was decided: `at step 3 by !(x < 1) in low, margin -0.2`; the margin is that of the formula shown."""
         if self.predicate is None:
-            return f"by the end of the trajectory, step {self.step}"
+            return f"by the {self.edge} of the trajectory, step {self.step}"
         part = f" in {self.name}" if self.name else ""
         atom = f"!({self.predicate})" if self.negated else self.predicate
         return f"at step {self.step} by {atom}{part}, margin {self.value:+.6g}"
@@ -85,7 +86,8 @@ def explain(meaning: Meaning, source: str, signals: Signals) -> Explanation:
         negated ^= formula.operation == "negative"
         step = _step(formula, t, stop, values, suffixes)
         if step is None:
-            return Explanation(value, None, None, source, None, None, stop - 1, None, negated, definitions)
+            edge, at = ("start", 0) if formula.operation in PAST else ("end", stop - 1)
+            return Explanation(value, None, None, source, None, None, at, None, negated, definitions, edge)
         formula, t, cut = step
         if cut < stop:
             values, stop = suffixes(cut, formula), cut
@@ -119,6 +121,22 @@ def _step(
             return next(part for part in formula.parts if values[part.node][t] == value), t, stop
         case "next", (int(k), _):
             return (formula.parts[0], t + k, stop) if t + k < stop else None
+        case "ends", _:
+            return None
+        case "previous", (int(k), _):
+            return (formula.parts[0], t - k, stop) if t >= k else None
+        case (("once" | "historically"), (window,)):
+            low, high = window if isinstance(window, tuple) else (0, t)
+            first = max(0, t - high)
+            seen = values[formula.parts[0].node][first : max(0, t - low + 1)]
+            return (formula.parts[0], first + _first(seen, value), stop) if len(seen) else None
+        case "since", _:
+            p, q = formula.parts
+            held = np.concatenate((np.minimum.accumulate(values[p.node][t:0:-1])[::-1], [np.inf]))  # at t' + 1 .. t
+            began = int(np.flatnonzero(np.minimum(values[q.node][: t + 1], held) == value)[-1])
+            if values[q.node][began] == value:
+                return q, began, stop
+            return p, began + 1 + _first(values[p.node][began + 1 : t + 1], value), stop
         case (("always" | "eventually"), (window,)):
             low, high = window if isinstance(window, tuple) else (0, stop)
             seen = values[formula.parts[0].node][t + low : min(t + high + 1, stop)]

@@ -18,21 +18,22 @@ GRAMMAR = Path(__file__).with_name("grammar.lark")
 OPTIONS: dict[str, Any] = {"parser": "lalr", "lexer": "basic", "keep_all_tokens": True, "maybe_placeholders": False}
 
 
-def parser(builder: Transformer[Token, object]) -> Lark:
+def parser(builder: Transformer[Token, object], words: Any = None) -> Lark:
     """The parser; with another version of lark than that of the tables it is built from the grammar.
 
     Args:
       builder: its methods make the syntax tree, one per rule.
+      words: looks through the tokens of a text before they are parsed (lark's postlex).
     """
     if lark.__version__ == tables.LARK:
-        kept: Lark = Lark._load_from_dict(tables.DATA, tables.MEMO, transformer=builder)  # type: ignore[no-untyped-call]
+        kept: Lark = Lark._load_from_dict(tables.DATA, tables.MEMO, transformer=builder, postlex=words)  # type: ignore[no-untyped-call]
         return kept
-    return built(builder)
+    return built(builder, words)
 
 
-def built(builder: Transformer[Token, object] | None = None) -> Lark:
+def built(builder: Transformer[Token, object] | None = None, words: Any = None) -> Lark:
     """The parser from the grammar itself."""
-    return Lark(GRAMMAR.read_text(encoding="utf-8"), transformer=builder, **OPTIONS)
+    return Lark(GRAMMAR.read_text(encoding="utf-8"), transformer=builder, postlex=words, **OPTIONS)
 
 
 def digest() -> str:

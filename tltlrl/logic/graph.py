@@ -6,7 +6,7 @@ node's arguments come before it, so that no pass over the graph needs recursion.
 """
 
 import math
-from collections.abc import Container, Iterable
+from collections.abc import Callable, Container, Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -27,14 +27,27 @@ UFUNCS: dict[str, np.ufunc] = {
     "exp": np.exp,
     "sin": np.sin,
     "cos": np.cos,
+    "tan": np.tan,
+    "asin": np.arcsin,
+    "acos": np.arccos,
+    "atan2": np.arctan2,
+    "log": np.log,
+    "mod": np.mod,
+    "sign": np.sign,
+    "floor": np.floor,
     "minimum": np.minimum,
     "maximum": np.maximum,
 }
-ARITHMETIC = {*UFUNCS, "norm", "squares"}
+ARITHMETIC = {*UFUNCS, "norm", "squares", "wrap", "holds"}
 POINTWISE = {*ARITHMETIC, "signal", "constant"}
 # Not defined, or not finite, for some finite arguments: computed at every sample, so that a mistake is
 # never missed.
-PARTIAL = {"divide", "power", "sqrt", "exp"}
+PARTIAL = {"divide", "power", "sqrt", "exp", "log", "asin", "acos", "mod"}
+# Their values can be infinite only where an argument is: for formulas, true and false.
+SELECTING = {"minimum", "maximum", "negative", "holds"}
+# Look back, as far as the first sample of the trajectory, whatever slice they are read on.
+PAST = {"lag", "previous", "once", "historically", "since"}
+BEGUN = ("", None)  # key of the signal that is +inf from a trajectory's first sample on, and -inf before
 
 # Sums of squares below _TINY may have lost digits; those of components times _SCALE have not.
 _TINY, _SCALE = 2.0**-960, 2.0**600
@@ -53,7 +66,14 @@ class Op:
     | constant | number | the number |
     | any of UFUNCS | | that function of the arguments at t |
     | norm, squares | | root of the sum of squares, the sum |
+    | wrap | | the angle in (-pi, pi] that differs from the argument by whole turns |
+    | holds | | +inf, -inf, 0 by the sign of the argument |
+    | ends | steps k | +inf where t + k lies beyond the end, else -inf |
     | next | steps k, strong | argument at t + k; beyond the end -inf when strong, else +inf |
+    | lag | | argument at t - 1; at the first sample that of the first sample |
+    | previous | steps k, strong | argument at t - k; before the start -inf when strong, else +inf |
+    | once, historically | window or None | max, min over t - window, None meaning from the start |
+    | since | | max over t' <= t of the least of the second at t' and the first at t' + 1 .. t |
     | always, eventually | window or None | min, max over the window, None meaning to the end |
     | second | | second smallest value of the argument over time (tltlrl.logic.shortcut) |
     | until, then | window or None, truncated | the definition; `truncated`: the left operand is temporal |
@@ -69,9 +89,13 @@ class Graph:
     """Operations in an order in which arguments come first; an equal operation is never stored twice."""
 
     ops: list[Op] = field(default_factory=list)
-    pointwise: list[bool] = field(default_factory=list)
+    # Whether the value at t is the same on all slices that hold t.
+    local: list[bool] = field(default_factory=list)
+    looks_back: list[bool] = field(default_factory=list)  # whether there is an operator of the past in it
     # A bounded until that was split into other operations: its node -> its right operand and its upper bound.
     split: dict[int, tuple[int, int]] = field(default_factory=dict)
+    # A bounded since that was split into other operations: its node -> its operands and its upper bound.
+    split_past: dict[int, tuple[int, int, int]] = field(default_factory=dict)
     _number: dict[Op, int] = field(default_factory=dict)
 
     def add(self, name: str, *args: int, data: tuple[object, ...] = ()) -> int:
@@ -89,7 +113,8 @@ class Graph:
         if op not in self._number:
             self._number[op] = len(self.ops)
             self.ops.append(op)
-            self.pointwise.append(name in POINTWISE and all(self.pointwise[a] for a in args))
+            self.local.append(name in POINTWISE | PAST and all(self.local[a] for a in args))
+            self.looks_back.append(name in PAST or any(self.looks_back[a] for a in args))
         return self._number[op]
 
     def constant(self, number: int) -> float:
@@ -111,13 +136,19 @@ class Graph:
 
     def horizon(self, root: int) -> int | None:
         """How many steps beyond t the value at t can depend on; None when on all that follow."""
-        reach: dict[int, float] = {}
+        reach: dict[int, float] = {}  # below zero: only on earlier ones
         for node in self.below([root]):
             op = self.ops[node]
             deepest = max((reach[a] for a in op.args), default=0.0)
             match op.name, op.data:
-                case "next", (int(steps), _):
+                case ("next", (int(steps), _)) | ("ends", (int(steps),)):
                     deepest += steps
+                case "lag", _:
+                    deepest -= 1
+                case "previous", (int(steps), _):
+                    deepest -= steps
+                case (("once" | "historically"), ((int(lower), _),)):
+                    deepest -= lower
                 case (("always" | "eventually"), (None,)):
                     deepest = math.inf
                 case (("until" | "then"), (None, _)):
@@ -131,7 +162,46 @@ class Graph:
                 right, upper = self.split[node]
                 deepest = min(deepest, reach[right] + upper)
             reach[node] = deepest if deepest < FOREVER else math.inf
-        return None if reach[root] == math.inf else int(reach[root])
+        return None if reach[root] == math.inf else max(0, int(reach[root]))
+
+    def memory(self, root: int) -> int | None:
+        """How many steps before t the value at t can depend on; None when on all."""
+        depth: dict[int, float] = {}
+        for node in self.below([root]):
+            op = self.ops[node]
+            deepest = max((depth[a] for a in op.args), default=0.0)
+            match op.name, op.data:
+                case "lag", _:
+                    deepest += 1
+                case "previous", (int(steps), _):
+                    deepest += steps
+                case (("once" | "historically"), ((_, int(upper)),)):
+                    deepest += upper
+                case (("once" | "historically"), (None,)) | ("since", _):
+                    deepest = math.inf
+                case "next", (int(steps), _):
+                    deepest -= steps
+                case (("always" | "eventually"), ((int(lower), _),)):
+                    deepest -= lower
+            if node in self.split_past:
+                left, right, upper = self.split_past[node]
+                deepest = min(deepest, max(depth[right] + upper, depth[left] + upper - 1))
+            depth[node] = max(0.0, deepest)
+        return None if depth[root] == math.inf else int(depth[root])
+
+
+def _wrapped(x: Array) -> Array:
+    """The angle in (-pi, pi] that differs from x by whole turns; x itself where it lies there."""
+    wrapped: Array = x - 2 * np.pi * np.ceil((x - np.pi) / (2 * np.pi))
+    return wrapped
+
+
+def _by_sign(x: Array) -> Array:
+    """+inf, -inf or 0, as x is above, below or at zero."""
+    return np.where(x == 0, 0.0, np.copysign(np.inf, x))
+
+
+_OTHERS: dict[str, Callable[[Array], Array]] = {"wrap": _wrapped, "holds": _by_sign}
 
 
 def apply(op: Op, args: list[Array], out: Array | None = None, scratch: Array | None = None) -> Array:
@@ -147,6 +217,12 @@ def apply(op: Op, args: list[Array], out: Array | None = None, scratch: Array | 
             if "underflow" not in str(error):
                 raise
             return _norm_of_small(args, out)
+    if op.name in _OTHERS:
+        value = _OTHERS[op.name](args[0])
+        if out is None:
+            return value
+        out[...] = value
+        return out
     ufunc = UFUNCS[op.name]
     value = ufunc(*args[:2], out=out)
     for arg in args[2:]:

@@ -1,7 +1,9 @@
 """Spec text to syntax tree."""
 
 import re
+from collections.abc import Iterator
 from functools import cache
+from itertools import pairwise
 
 from lark import Lark, Token, Transformer, UnexpectedCharacters, UnexpectedInput, UnexpectedToken, v_args
 
@@ -11,6 +13,7 @@ from tltlrl.logic.syntax import Node
 
 # Every later pass recurses over one definition's tree at a time, so this bounds its use of Python's stack.
 MAX_DEPTH = 100
+MAX_LABELS = 1000  # of a range
 # Operators and operands of one formula once its quantifiers are written out, label by label.
 MAX_SIZE = 200_000
 
@@ -23,11 +26,51 @@ def span_of(token: Token) -> Span:
 Piece = Node | Token | None
 
 
+class _Misread(Exception):
+    """What the grammar allows and the language does not: where, and the problem."""
+
+    def __init__(self, span: Span, problem: str) -> None:
+        super().__init__(problem)
+        self.span, self.problem = span, problem
+
+
+# Words that no text can make a name of: those of the first edition, whose specs know no others.
+RESERVED = {"signal", "const", "let", "def", "spec", "in", "all", "any", "and", "or", "not", "inf", *"GFXURWT"}
+
+
+class _DeclaredWords:
+    """A word that the text declares is a name in it, whatever it means elsewhere, and so is a label."""
+
+    always_accept = ()
+
+    def process(self, stream: Iterator[Token]) -> Iterator[Token]:
+        """The tokens of one text, with those words as names."""
+        tokens: list[Token] = []
+        stop: UnexpectedCharacters | None = None
+        try:
+            tokens.extend(stream)
+        except UnexpectedCharacters as mistake:
+            stop = mistake  # told after what stands before it
+        declared = {str(b) for a, b in pairwise(tokens) if a.type in {"SIGNAL", "CONST", "LET", "DEF"}}
+        before, is_label = "", False
+        for token, after in zip(tokens, [*(token.type for token in tokens[1:]), ""], strict=False):
+            is_label = (is_label or before == "IN") and token.type not in {"COLON", "RSQB"}
+            in_brackets = before == "LSQB" and after in {"IN", "RSQB"}
+            is_name = token in declared or is_label or in_brackets or before in {"DOT", "ALL", "ANY"}
+            if is_name and token not in RESERVED and token.isidentifier():
+                token = token.update(type="NAME")
+            before = token.type
+            yield token
+        if stop is not None:
+            raise stop
+
+
 @v_args(inline=True)
 class _TreeBuilder(Transformer[Token, object]):
     """Called by the parser at each reduction, bottom up: no recursion, however deep the text nests."""
 
-    def document(self, *parts: Node | Token) -> syntax.Document:
+    def document(self, *given: Node | Token | tuple[Node, ...]) -> syntax.Document:
+        parts = [part for some in given for part in (some if isinstance(some, tuple) else (some,))]
         keyword = next(i for i, part in enumerate(parts) if isinstance(part, Token))
         formula = parts[keyword + 2]
         rest = (*parts[:keyword], *parts[keyword + 3 :])
@@ -48,42 +91,70 @@ class _TreeBuilder(Transformer[Token, object]):
     def duration(self, token: Token) -> Node:
         return syntax.Duration(_seconds(token), span=span_of(token))
 
-    def signal(self, _: Token, name: Token, *bracket: Token) -> Node:
-        span = span_of(name).to(span_of(bracket[-1] if bracket else name))
+    def signal(self, _: Token, name: Token, *given: object) -> Node:
+        variable, labels = given[0] if given and isinstance(given[0], tuple) else (None, ())
+        rest = [token for token in given if isinstance(token, Token)]
+        typed = (
+            [token.type for token in rest].index("COLON") if "COLON" in {token.type for token in rest} else len(rest)
+        )
+        bracket = rest[:typed]
+        span = span_of(name).to(span_of(rest[-1] if rest else name))
         dimension = None
+        if rest[typed:] and (rest[-1] != "bool" or bracket):
+            raise _Misread(
+                span_of(rest[typed] if rest[-1] != "bool" else bracket[0]).to(span_of(rest[-1])),
+                f"found '{rest[-1]}'; what is true or false is one 'signal {name}: bool', any other is numbers; "
+                "delete what begins with the colon",
+            )
         if bracket:
             # tltlrl.logic.declarations refuses 0, which stands for `signal x[2.5]`, and all numbers of five digits.
             dimension = int(bracket[1].lstrip("0")[:5] or 0) if bracket[1].isdecimal() else 0
-        return syntax.Signal(str(name), dimension, span=span)
+        return syntax.Signal(str(name), dimension, bool(rest[typed:]), variable, labels, span=span)
 
-    def constant(self, _: Token, name: Token, *rest: object) -> Node:
-        label = str(rest[1]) if len(rest) > 2 else None
-        value = rest[-1]
-        if isinstance(value, syntax.Duration):
-            return syntax.Constant(str(name), label, value.seconds, True, span=span_of(name))
-        assert isinstance(value, float | tuple)
-        return syntax.Constant(str(name), label, value, span=span_of(name))
+    def constant(self, _: Token, name: Token, *rest: object) -> tuple[Node, ...]:
+        labels = rest[1] if isinstance(rest[1], tuple) else (None,)
+        value, span = rest[-1], span_of(name)
+        assert isinstance(value, Node)
+        values: tuple[Node, ...] = (value,)
+        if len(labels) > 1:
+            values = value.items if isinstance(value, syntax.Vector) else (value,)
+            if len(values) != len(labels):
+                raise _Misread(
+                    value.span,
+                    f"found {len(values)} value{'s' * (len(values) != 1)} for {len(labels)} labels; expected one for "
+                    f"each; write a table, as const {name}[1, 2] = (0.5, 0.4)",
+                )
+        return tuple(_constant(str(name), label, own, span) for label, own in zip(labels, values, strict=True))
 
-    def sign(self, *tokens: Token) -> float:
-        return -float(tokens[1]) if len(tokens) == 2 else float(tokens[0])
+    def labels_between(self, first: Token, _: Token, last: Token) -> tuple[str, ...]:
+        if not (first.isdecimal() and last.isdecimal() and int(first) <= int(last) < int(first) + MAX_LABELS):
+            raise _Misread(
+                span_of(first).to(span_of(last)),
+                f"found the range {first}..{last}; expected whole numbers, the smaller first, {MAX_LABELS} at most; "
+                "write for instance 1..3",
+            )
+        return tuple(map(str, range(int(first), int(last) + 1)))
 
-    def literal(self, *parts: object) -> float | tuple[float, ...] | Node:
-        if isinstance(parts[0], Token) and parts[0].type == "DURATION":
-            return self.duration(parts[0])
-        numbers = tuple(part for part in parts if isinstance(part, float))
-        return numbers if len(parts) > 1 else numbers[0]
+    def labels(self, *parts: Token | tuple[str, ...]) -> tuple[str, ...]:
+        members = (part for part in parts if isinstance(part, tuple) or part.type != "COMMA")
+        return tuple(label for part in members for label in (part if isinstance(part, tuple) else (str(part),)))
 
-    def labels(self, *tokens: Token) -> tuple[str, ...]:
-        return tuple(str(t) for t in tokens if t.type != "COMMA")
+    def parameters(self, *tokens: Token) -> list[str]:
+        names = [str(token) for token in tokens if token.type == "NAME"]
+        for token, name in zip((t for t in tokens if t.type == "NAME"), names, strict=True):
+            if names.count(name) > 1:
+                raise _Misread(span_of(token), f"the parameter '{name}' is listed twice; expected once; rename one")
+        return names
 
     def family(self, _l: Token, variable: Token, _i: Token, labels: tuple[str, ...], _r: Token) -> object:
         return str(variable), labels
 
     def let(self, keyword: Token, name: Token, *rest: object) -> Node:
         variable, labels = rest[0] if isinstance(rest[0], tuple) else (None, ())
+        parameters = tuple(rest[0]) if isinstance(rest[0], list) else ()
         body = rest[-1]
         assert isinstance(body, Node)
-        return syntax.Definition(str(keyword), str(name), variable, labels, body, span=span_of(name))
+        return syntax.Definition(str(keyword), str(name), variable, labels, body, parameters, span=span_of(name))
 
     definition = let
 
@@ -113,11 +184,35 @@ class _TreeBuilder(Transformer[Token, object]):
     def release(self, left: Node, _: Token, *rest: Node) -> Node:
         return syntax.Release(left, rest[-1], _interval(rest), span=left.span.to(rest[-1].span))
 
-    def weak_until(self, left: Node, _: Token, right: Node) -> Node:
-        return syntax.WeakUntil(left, right, span=left.span.to(right.span))
+    def weak_until(self, left: Node, _: Token, *rest: Node) -> Node:
+        return syntax.WeakUntil(left, rest[-1], _interval(rest), span=left.span.to(rest[-1].span))
 
-    def then(self, left: Node, _: Token, right: Node) -> Node:
-        return syntax.Then(left, right, span=left.span.to(right.span))
+    def then(self, left: Node, _: Token, *rest: Node) -> Node:
+        return syntax.Then(left, rest[-1], _interval(rest), span=left.span.to(rest[-1].span))
+
+    def since(self, left: Node, _: Token, *rest: Node) -> Node:
+        return syntax.Since(left, rest[-1], _interval(rest), span=left.span.to(rest[-1].span))
+
+    def previous(self, operator: Token, operand: Node) -> Node:
+        return syntax.Call("previous", (operand,), span=span_of(operator).to(operand.span))
+
+    def strong_previous(self, operator: Token, operand: Node) -> Node:
+        return syntax.Previous(operand, span=span_of(operator).to(operand.span))
+
+    def once(self, operator: Token, *rest: Node) -> Node:
+        return syntax.Once(rest[-1], _interval(rest), span=span_of(operator).to(rest[-1].span))
+
+    def historically(self, operator: Token, *rest: Node) -> Node:
+        return syntax.Historically(rest[-1], _interval(rest), span=span_of(operator).to(rest[-1].span))
+
+    def xor(self, left: Node, _: Token, right: Node) -> Node:
+        return syntax.Xor(left, right, span=left.span.to(right.span))
+
+    def true(self, token: Token) -> Node:
+        return syntax.Boolean(True, span=span_of(token))
+
+    def false(self, token: Token) -> Node:
+        return syntax.Boolean(False, span=span_of(token))
 
     def not_(self, operator: Token, operand: Node) -> Node:
         return syntax.Not(operand, span=span_of(operator).to(operand.span))
@@ -134,8 +229,9 @@ class _TreeBuilder(Transformer[Token, object]):
     def eventually(self, operator: Token, *rest: Node) -> Node:
         return syntax.Eventually(rest[-1], _interval(rest), span=span_of(operator).to(rest[-1].span))
 
-    def interval(self, left: Token, lower: Node, _: Token, upper: Node, right: Token) -> Node:
-        return syntax.Interval(lower, upper, span=span_of(left).to(span_of(right)))
+    def interval(self, left: Token, lower: Node, _: Token, upper: Node, *rest: Token) -> Node:
+        mark = "" if len(rest) == 1 else "?" if rest[0].type == "MAYBE" else "!"
+        return syntax.Interval(lower, upper, mark, span=span_of(left).to(span_of(rest[-1])))
 
     def endless(self, left: Token, lower: Node, _: Token, end: Token, right: Token) -> Node:
         return syntax.Interval(lower, syntax.Infinity(span=span_of(end)), span=span_of(left).to(span_of(right)))
@@ -166,7 +262,9 @@ class _TreeBuilder(Transformer[Token, object]):
 
     def call(self, name: Token, *rest: Piece) -> Node:
         assert isinstance(rest[-1], Token)
-        return syntax.Call(str(name), _nodes(rest), span=span_of(name).to(span_of(rest[-1])))
+        return syntax.Call(
+            "previous" if name == "prev" else str(name), _nodes(rest), span=span_of(name).to(span_of(rest[-1]))
+        )
 
     def parentheses(self, _l: Token, inner: Node, _r: Token) -> Node:
         return inner
@@ -176,6 +274,27 @@ class _TreeBuilder(Transformer[Token, object]):
         assert isinstance(first, Token)
         assert isinstance(last, Token)
         return syntax.Vector(_nodes(parts), span=span_of(first).to(span_of(last)))
+
+
+def _constant(name: str, label: str | None, value: Node, span: Span) -> syntax.Constant:
+    """A constant whose value is written down, or, if it is not, a tree that is yet to be computed."""
+    if isinstance(value, syntax.Duration):
+        return syntax.Constant(name, label, value.seconds, True, span=span)
+    number = _literal(value)
+    if number is not None:
+        return syntax.Constant(name, label, number, span=span)
+    items = tuple(map(_literal, value.items)) if isinstance(value, syntax.Vector) else (None,)
+    numbers = tuple(item for item in items if item is not None)
+    return syntax.Constant(name, label, numbers if len(numbers) == len(items) else value, span=span)
+
+
+def _literal(node: Node) -> float | None:
+    match node:
+        case syntax.Number(value):
+            return value
+        case syntax.Negative(syntax.Number(value)):
+            return -value
+    return None
 
 
 def _seconds(token: Token) -> float:
@@ -194,7 +313,7 @@ def _interval(rest: tuple[Node, ...]) -> syntax.Interval | None:
 
 @cache
 def _parser() -> Lark:
-    return grammar.parser(_TreeBuilder())
+    return grammar.parser(_TreeBuilder(), _DeclaredWords())
 
 
 def parse(source: Source) -> syntax.Document:
@@ -214,11 +333,14 @@ def parse(source: Source) -> syntax.Document:
         document = _parser().parse(source.text)
     except UnexpectedInput as mistake:
         error = _explain(source, mistake)
+    except _Misread as mistake:
+        error = SpecError(source, mistake.span, mistake.problem)
     if document is None:
         raise error  # out here it has no context: lark's own error holds a parser, which cannot go to another process
     assert isinstance(document, syntax.Document)
     definitions = [d for d in document.declarations if isinstance(d, syntax.Definition)]
-    for tree in (*(d.body for d in definitions), document.formula):
+    values = (d.value for d in document.declarations if isinstance(d, syntax.Constant))
+    for tree in (*(d.body for d in definitions), *(v for v in values if isinstance(v, Node)), document.formula):
         for node, depth in syntax.walk(tree):
             if depth > MAX_DEPTH:
                 raise SpecError(

@@ -45,7 +45,7 @@ def failed(explanations: Iterable[Explanation]) -> list[Reason]:
 def describe(why: Explanation) -> str:
     """The deciding predicate as code, such as "`!(ee.z < table_height)` in table": it should not hold there."""
     if why.predicate is None:
-        return "the end of the trajectory"
+        return f"the {why.edge} of the trajectory"
     atom = f"!({why.predicate})" if why.negated else why.predicate
     return f"`{atom}`" + (f" in {why.name}" if why.name else "")
 

@@ -2,7 +2,6 @@
 told."""
 
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from graphlib import CycleError, TopologicalSorter
@@ -10,13 +9,26 @@ from typing import Any
 
 from tltlrl.errors import nearest
 from tltlrl.logic import syntax
-from tltlrl.logic.declarations import FUNCTIONS, Declarations, Value, check_binding, declare
+from tltlrl.logic.declarations import (
+    FUNCTIONS,
+    NUMBERS,
+    Declarations,
+    Value,
+    check_binding,
+    declare,
+    overridden,
+)
 from tltlrl.logic.errors import Source, Span, SpecError, elsewhere
-from tltlrl.logic.graph import FOREVER, Graph
+from tltlrl.logic.graph import BEGUN, FOREVER, Graph
 from tltlrl.logic.shortcut import at_start
 from tltlrl.logic.syntax import Node
 
-_ONE_SCALAR = {"abs": "absolute", "sqrt": "sqrt", "exp": "exp", "sin": "sin", "cos": "cos"}
+_OF_SCALARS = {"abs": "absolute"} | {
+    name: name
+    for name in ("sqrt", "exp", "sin", "cos", "tan", "asin", "acos", "atan2", "wrap", "log", "mod", "floor", "sign")
+}
+MAX_CALLS = 1000  # of functions that the text defines, each with arguments of its own
+MAX_DEPTH = 150  # of operators in the bodies of functions that call each other
 ROUNDING = 1e-9  # of a bound that is computed, relative
 _ARITHMETIC = {"+": "add", "-": "subtract", "*": "multiply", "/": "divide", "**": "power"}
 
@@ -28,6 +40,18 @@ class Expression:
     components: tuple[int, ...]
     dimension: int | None = None
     is_duration: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """What a parameter stands for: a number or a formula, and its text."""
+
+    value: "Expression | Truth"
+    node: Node
+
+
+# What stands for the labels' variables and the parameters around a formula.
+Scope = Mapping[str, str | Bound]
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +75,7 @@ class Truth:
     data: tuple[object, ...] = ()
     predicate: Predicate | None = None
     name: str | None = None  # of the named sub-formula that it is
+    span: Span | None = None  # None for what is only a part of an operator's meaning
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,8 +83,9 @@ class Region:
     """A ball or box of constant size and place that a formula speaks of, for pictures of the workspace.
 
     `name` is the named sub-formula that holds it (None in the spec's own line), `signal` the vector signal
-    it is about (None when it is about an expression), `inside` whether the predicate holds inside (outside in
-    distance(...) > radius). A ball has `centre` and `radius`, a box `lower` and `upper`.
+    it is about (None when it is about an expression), `inside` whether the formula ever asks to be in it, and not
+    only to keep out (as in distance(...) > radius, or under a negation). A ball has `centre` and `radius`, a box
+    `lower` and `upper`.
     """
 
     name: str | None
@@ -83,6 +109,7 @@ class Meaning:
     start: int  # a node of the same value at the first sample
     signals: dict[str, int | None]
     signal_spans: dict[str, Span]
+    booleans: frozenset[str]  # the signals that are true or false
     constants: dict[str, Value | dict[str, Value]]
     definitions: dict[str, tuple[Truth, str]]  # named sub-formulas in order, with their text
     places: dict[int, Predicate]  # of arithmetic nodes that can fail
@@ -90,6 +117,25 @@ class Meaning:
     durations: frozenset[str]  # names of the constants that are in seconds
     timed: Span | None  # of the first bound in seconds
     regions: tuple[Region, ...]
+
+    @property
+    def predicates(self) -> dict[str, int]:
+        """The predicates of the formula and their nodes."""
+        found: dict[str, int] = {}
+        stack, seen = [self.formula], set()
+        while stack:
+            truth = stack.pop()
+            if truth.predicate is not None:
+                found[truth.predicate.text] = truth.node
+            elif truth not in seen:
+                seen.add(truth)
+                stack.extend(truth.parts)
+        return found
+
+    @property
+    def looks_back(self) -> bool:
+        """Whether something in it looks at earlier samples."""
+        return any(self.graph.looks_back)
 
 
 def resolve(
@@ -108,7 +154,75 @@ def resolve(
     Raises:
       SpecError: at the first thing that has no meaning.
     """
+    document = _with_computed(source, document, overrides)
     return _Resolver(source, declare(source, document, overrides, period)).meaning()
+
+
+def _with_computed(
+    source: Source, document: syntax.Document, overrides: Mapping[str, object] | None
+) -> syntax.Document:
+    """The document with the numbers of constants that it gives by expressions.
+
+    Raises:
+      SpecError: if an expression is not one of constants alone.
+    """
+    constants = {(d.name, d.label): d for d in document.declarations if isinstance(d, syntax.Constant)}
+    trees = {key: d.value for key, d in constants.items() if isinstance(d.value, Node)}
+    if not trees:
+        return document
+    names = {name for name, _ in constants}
+    uses: dict[tuple[str, str | None], set[tuple[str, str | None]]] = {}
+    for key, tree in trees.items():
+        uses[key] = set()
+        for node, _ in syntax.walk(tree):
+            if isinstance(node, syntax.Name) and node.name not in names | NUMBERS.keys():
+                raise SpecError(
+                    source,
+                    node.span,
+                    f"'{node.name}' is no constant; expected numbers and constants, for a constant never changes; name "
+                    "an expression of signals with 'let'",
+                )
+            name, label = (node.base, node.label) if isinstance(node, syntax.Index) else (node, None)
+            if isinstance(name, syntax.Name):
+                uses[key] |= {(name.name, label), (name.name, None)} & trees.keys()
+    try:
+        order = list(TopologicalSorter(uses).static_order())
+    except CycleError as cycle:
+        first = constants[cycle.args[1][0]]
+        raise SpecError(
+            source,
+            first.span,
+            f"the constant '{_title(*cycle.args[1][0])}' is computed from itself; expected numbers "
+            "or other constants; break the circle",
+        ) from None
+    placeholders = tuple(
+        replace(d, value=0.0) if isinstance(d, syntax.Constant) and isinstance(d.value, Node) else d
+        for d in document.declarations
+    )
+    given = {} if overrides is None else overrides
+    known = (
+        given
+        if not isinstance(given, Mapping)
+        else {name: value for name, value in given.items() if not any(name == own for own, _ in trees)}
+    )
+    declared = declare(source, replace(document, declarations=placeholders), known, None)
+    resolver = _Resolver(source, declared)
+    resolver.add_constants()
+    computed: dict[tuple[str, str | None], syntax.Constant] = {}
+    for key in order:
+        value = resolver.amount(trees[key], {})
+        numbers = resolver.fixed(trees[key], value, "constant")
+        own = replace(
+            constants[key], value=numbers[0] if value.dimension is None else numbers, is_duration=value.is_duration
+        )
+        computed[key] = own
+        resolver.add_constant(key, overridden(source, own, given), value.is_duration)
+    return replace(
+        document,
+        declarations=tuple(
+            computed.get((d.name, d.label), d) if isinstance(d, syntax.Constant) else d for d in document.declarations
+        ),
+    )
 
 
 class _Resolver:
@@ -120,10 +234,15 @@ class _Resolver:
         self.graph = Graph()
         self.results: dict[tuple[str, str | None], Expression | Truth] = {}
         self.places: dict[int, Predicate] = {}
-        self.regions: list[Region] = []
+        self.regions: list[tuple[Region, int]] = []  # each with the node of its predicate
         self.distances: dict[int, tuple[Node, tuple[float, ...]]] = {}  # of a point from a fixed one
         self.within: str | None = None  # the named sub-formula being read
         self.timed: Span | None = None
+        self.functions = {
+            d.name: d for d in declared.document.declarations if isinstance(d, syntax.Definition) and d.parameters
+        }
+        self.called: dict[str, Expression | Truth] = {}  # text of a call -> its meaning
+        self.depth = 0  # of the functions that are being read
 
     def error(self, node: Node | Span, problem: str) -> SpecError:
         return SpecError(self.source, node if isinstance(node, Span) else node.span, problem)
@@ -132,12 +251,14 @@ class _Resolver:
 
     def meaning(self) -> Meaning:
         definitions = {d.name: d for d in self.declared.document.declarations if isinstance(d, syntax.Definition)}
-        for name in self.declared.signals:
-            self.results[name, None] = self._signal(name)
-        for name, constant in self.declared.constants.items():
-            for label, value in constant.items() if isinstance(constant, dict) else [(None, constant)]:
-                number = self._number(value)
-                self.results[name, label] = replace(number, is_duration=(name, label) in self.declared.durations)
+        for name, key in self.declared.members.items():
+            self.results[key] = self._signal(name)
+        self.add_constants()
+        if not self.declared.signals:
+            raise self.error(
+                self.declared.document.formula,
+                "the formula holds no signal; expected one at least; write what it says of a trajectory",
+            )
         ordered, used = self._order(definitions)
         for name in ordered:
             if name in used:
@@ -149,11 +270,17 @@ class _Resolver:
         order = [
             (title, label, result, d)
             for name, d in definitions.items()
+            if not d.parameters
             for label in d.labels or (None,)
             if isinstance(result := self.results[name, label], Truth)
             for title in [_title(name, label)]
         ]
         titles: list[str | None] = [title for title, *_ in order] + [None]
+        asked = _asked(formula)
+        regions = [
+            replace(region, inside=(node, region.inside) in asked)  # asked for inside, or its opposite for outside
+            for region, node in self.regions
+        ]
         return Meaning(
             self.declared.document,
             self.graph,
@@ -162,21 +289,34 @@ class _Resolver:
             at_start(self.graph, formula.node),
             self.declared.signals,
             self.declared.signal_spans,
+            self.declared.booleans,
             self.declared.constants,
-            {title: (truth, _with_labels(d.body, {d.variable: label})) for title, label, truth, d in order},
+            {
+                title: (truth, str(_as_read(d.body, {d.variable: label} if d.variable and label else {})))
+                for title, label, truth, d in order
+            },
             self.places,
             self.declared.period,
             frozenset(name for name, _ in self.declared.durations),
             self.timed,
-            tuple(dict.fromkeys(r for title in titles for r in self.regions if r.name == title)),
+            tuple(dict.fromkeys(r for title in titles for r in regions if r.name == title)),
         )
+
+    def add_constants(self) -> None:
+        for name, constant in self.declared.constants.items():
+            for label, value in constant.items() if isinstance(constant, dict) else [(None, constant)]:
+                self.add_constant((name, label), value, (name, label) in self.declared.durations)
+
+    def add_constant(self, key: tuple[str, str | None], value: Value, is_duration: bool) -> None:
+        self.results[key] = replace(self._number(value), is_duration=is_duration)
 
     def _order(self, definitions: dict[str, syntax.Definition]) -> tuple[list[str], set[str]]:
         """The definitions, each after those it uses, and which of them the spec's formula uses."""
 
         def named(tree: Node) -> set[str]:
-            names = {node.name for node, _ in syntax.walk(tree) if isinstance(node, syntax.Name)}
-            return names & definitions.keys()
+            nodes = [node for node, _ in syntax.walk(tree)]
+            names = {node.name for node in nodes if isinstance(node, syntax.Name)}
+            return (names | {node.function for node in nodes if isinstance(node, syntax.Call)}) & definitions.keys()
 
         uses = {name: named(d.body) for name, d in definitions.items()}
         try:
@@ -198,8 +338,13 @@ class _Resolver:
         return ordered, used
 
     def _define(self, d: syntax.Definition) -> None:
+        if d.parameters:  # read where it is called; but a name that nothing has is told at once
+            for node, _ in syntax.walk(d.body):
+                if isinstance(node, syntax.Name) and node.name not in {*d.parameters, *self.declared.names, *NUMBERS}:
+                    self._name(node, {})
+            return
         for label in d.labels or (None,):
-            scope = {d.variable: label} if d.variable and label else {}
+            scope: Scope = {d.variable: label} if d.variable and label else {}
             if d.keyword == "let":
                 self.results[d.name, label] = self.amount(d.body, scope)
                 continue
@@ -220,16 +365,34 @@ class _Resolver:
 
     # Names
 
-    def _name(self, node: syntax.Name, scope: Mapping[str, str]) -> Expression | Truth:
+    def _found(self, node: Node, key: tuple[str, str | None], scope: Scope) -> Expression | Truth:
+        """What a name means; a signal that is true or false is a formula."""
+        result, title = self.results[key], _title(*key)
+        if title not in self.declared.booleans:
+            return result
+        assert isinstance(result, Expression)
+        margin = self.graph.add("subtract", *result.components, self.graph.add("constant", data=(0.5,)))
+        return self._predicate(node, self.graph.add("holds", margin), scope)
+
+    def _name(self, node: syntax.Name, scope: Scope) -> Expression | Truth:
+        bound = scope.get(node.name)
+        if isinstance(bound, Bound):
+            return bound.value
         if node.name in self.declared.families:
             labels = self.declared.families[node.name]
             raise self.error(
                 node,
                 f"'{node.name}' is a family; expected one of its members; write {node.name}[{labels[0]}]",
             )
-        result = self.results.get((node.name, None))
-        if result is not None:
-            return result
+        if (node.name, None) in self.results:
+            return self._found(node, (node.name, None), scope)
+        if node.name in self.functions:
+            parameters = ", ".join(self.functions[node.name].parameters)
+            raise self.error(
+                node, f"'{node.name}' has parameters; expected its arguments; write {node.name}({parameters})"
+            )
+        if node.name in NUMBERS:
+            return self._number(NUMBERS[node.name])
         if node.name in scope:
             raise self.error(
                 node,
@@ -243,8 +406,9 @@ class _Resolver:
         advice = elsewhere(node.name) or declare
         raise self.error(node, f"unknown name '{node.name}'; expected a declared one; {advice}")
 
-    def _index(self, node: syntax.Index, scope: Mapping[str, str]) -> Expression | Truth:
-        base, label = node.base, scope.get(node.label, node.label)
+    def _index(self, node: syntax.Index, scope: Scope) -> Expression | Truth:
+        base, bound = node.base, scope.get(node.label)
+        label = bound if isinstance(bound, str) else node.label
         if isinstance(base, syntax.Name) and base.name in self.declared.families:
             labels = self.declared.families[base.name]
             if label not in labels:
@@ -252,7 +416,7 @@ class _Resolver:
                     node,
                     f"'{base.name}' has no member '{label}'; expected one of its own{nearest(label, labels)}",
                 )
-            return self.results[base.name, label]
+            return self._found(node, (base.name, label), scope)
         vector = self.vector(base, scope, f"only a vector or a family has a member [{label}]")
         components = {str(i): component for i, component in enumerate(vector.components)}
         if label not in components:
@@ -262,7 +426,7 @@ class _Resolver:
             )
         return Expression((components[label],))
 
-    def _component(self, node: syntax.Component, scope: Mapping[str, str]) -> Expression:
+    def _component(self, node: syntax.Component, scope: Scope) -> Expression:
         advice = f"only a vector has a component .{node.axis}"
         vector = self.vector(node.base, scope, advice)
         axes = "xyz"[: len(vector.components)]
@@ -276,7 +440,7 @@ class _Resolver:
 
     # Numbers
 
-    def evaluate(self, node: Node, scope: Mapping[str, str]) -> Expression | Truth:
+    def evaluate(self, node: Node, scope: Scope) -> Expression | Truth:
         """The meaning of a tree that may be a number or a formula."""
         match node:
             case syntax.Name():
@@ -298,19 +462,25 @@ class _Resolver:
                 return replace(q, components=tuple(self.graph.add("negative", c) for c in q.components))
             case syntax.Arithmetic():
                 return self._arithmetic(node, scope)
+            case syntax.Boolean(is_true):
+                infinite = self.graph.add("constant", data=(math.inf if is_true else -math.inf,))
+                return Truth(infinite, predicate=Predicate(str(node), node.span))
             case syntax.Call():
                 return self._call(node, scope)
             case _:
                 return self._formula(node, scope)
 
-    def amount(self, node: Node, scope: Mapping[str, str]) -> Expression:
+    def amount(self, node: Node, scope: Scope) -> Expression:
         """A number, a vector or a duration."""
         result = self.evaluate(node, scope)
         if isinstance(result, Truth):
-            raise self.error(node, "found a formula; expected a number; only numbers are compared and computed with")
+            advice = "only numbers are compared and computed with"
+            if str(_as_read(node, scope)) in self.declared.booleans:
+                advice = f"'{node}' is true or false, a formula as it stands: delete the comparison"
+            raise self.error(node, f"found a formula; expected a number; {advice}")
         return result
 
-    def quantity(self, node: Node, scope: Mapping[str, str]) -> Expression:
+    def quantity(self, node: Node, scope: Scope) -> Expression:
         """A number or a vector."""
         result = self.amount(node, scope)
         if result.is_duration:
@@ -320,7 +490,7 @@ class _Resolver:
             )
         return result
 
-    def scalar(self, node: Node, scope: Mapping[str, str]) -> int:
+    def scalar(self, node: Node, scope: Scope) -> int:
         result = self.quantity(node, scope)
         if result.dimension is not None:
             raise self.error(
@@ -330,7 +500,7 @@ class _Resolver:
             )
         return result.components[0]
 
-    def vector(self, node: Node, scope: Mapping[str, str], reason: str) -> Expression:
+    def vector(self, node: Node, scope: Scope, reason: str) -> Expression:
         result = self.quantity(node, scope)
         if result.dimension is None:
             advice = "use a vector or leave it out"
@@ -341,7 +511,7 @@ class _Resolver:
             raise self.error(node, f"found a scalar; expected a vector: {reason}; {advice}")
         return result
 
-    def same(self, nodes: tuple[Node, ...], scope: Mapping[str, str], what: str) -> list[Expression]:
+    def same(self, nodes: tuple[Node, ...], scope: Scope, what: str) -> list[Expression]:
         """The values of several trees that must be of one kind."""
         values = [self.amount(node, scope) for node in nodes]
         for node, value in zip(nodes[1:], values[1:], strict=True):
@@ -361,7 +531,7 @@ class _Resolver:
         self.places.setdefault(number, Predicate(str(node), node.span))
         return number
 
-    def _arithmetic(self, node: syntax.Arithmetic, scope: Mapping[str, str]) -> Expression:
+    def _arithmetic(self, node: syntax.Arithmetic, scope: Scope) -> Expression:
         name = _ARITHMETIC[node.operator]
         if node.operator in "+-":
             left, right = self.same((node.left, node.right), scope, "add and subtract like to like")
@@ -392,11 +562,13 @@ class _Resolver:
         components = tuple(self.fold(node, name, a, b) for a, b in zip(lefts, rights, strict=True))
         return Expression(components, dimension, is_duration)
 
-    def _call(self, node: syntax.Call, scope: Mapping[str, str]) -> Expression | Truth:
+    def _call(self, node: syntax.Call, scope: Scope) -> Expression | Truth:
         name, arguments = node.function, node.arguments
-        if name not in FUNCTIONS:
+        if name in self.functions:
+            return self._call_of(self.functions[name], node, scope)
+        if name not in FUNCTIONS or name in self.declared.names:
             what = "is no function" if name in self.declared.names else "unknown function"
-            near = nearest(name, FUNCTIONS).removeprefix("; ")
+            near = nearest(name, [*FUNCTIONS, *self.functions]).removeprefix("; ")
             advice = elsewhere(name) or (near if near.startswith("did") else "write it with these")
             raise self.error(node, f"{what}: '{name}'; expected one of {', '.join(FUNCTIONS)}; {advice}")
         fewest, most = FUNCTIONS[name]
@@ -408,8 +580,34 @@ class _Resolver:
                 f"expected {fewest} argument{plural}; add or delete some",
             )
         match name:
+            case "previous":
+                before = self.evaluate(arguments[0], scope)
+                if isinstance(before, Truth):
+                    return self._previous(before, 1, False)
+                (before,) = (self.quantity(a, scope) for a in arguments)
+                return replace(before, components=tuple(map(self._lag, before.components)))
+            case "rise" | "fall":
+                p = self.truth(arguments[0], scope)
+                not_p = self._operation("negative", p)
+                now, then = (p, not_p) if name == "rise" else (not_p, p)
+                return self._operation("minimum", now, self._previous(then, 1, False))
+            case "holds":
+                condition = self.graph.add("holds", self.truth(arguments[0], scope).node)
+                return Truth(condition, predicate=Predicate(str(_as_read(node, scope)), node.span))
             case "ball" | "box":
                 return self._region(node, scope)
+            case "clip":
+                x, low, high = (self.scalar(a, scope) for a in arguments)
+                return Expression((self.fold(node, "maximum", self.fold(node, "minimum", x, high), low),))
+            case "dot":
+                a, b = self.same(arguments, scope, "a product is of two vectors of one dimension")
+                for argument in arguments if a.dimension is None else ():
+                    self.vector(argument, scope, "the product of two scalars is written a * b")
+                products = [self.fold(node, "multiply", *pair) for pair in zip(a.components, b.components, strict=True)]
+                total, *rest = products
+                for product in rest:
+                    total = self.fold(node, "add", total, product)
+                return Expression((total,))
             case "norm":
                 vector = self.vector(arguments[0], scope, "a norm is taken of a vector, of a scalar use abs(...)")
                 return Expression((self.fold(node, "norm", *vector.components),))
@@ -422,15 +620,53 @@ class _Resolver:
                 vector = self.vector(arguments[0], scope, f"{name} takes several scalars or one vector")
                 return Expression((self.fold(node, op, *vector.components),))
             case _:
-                return Expression((self.fold(node, _ONE_SCALAR[name], self.scalar(arguments[0], scope)),))
+                return Expression((self.fold(node, _OF_SCALARS[name], *(self.scalar(a, scope) for a in arguments)),))
 
-    def _distance(self, node: Node, scope: Mapping[str, str], points: tuple[Node, ...]) -> int:
+    def _call_of(self, function: syntax.Definition, node: syntax.Call, scope: Scope) -> Expression | Truth:
+        """A call of a function that the text defines: its body, with the arguments in the place of the parameters."""
+        count, expected = len(node.arguments), len(function.parameters)
+        if count != expected:
+            raise self.error(
+                node,
+                f"'{function.name}' got {count} argument{'s' * (count != 1)}; expected {expected}: "
+                f"{', '.join(function.parameters)}; add or delete some",
+            )
+        arguments = [Bound(self.evaluate(a, scope), _as_read(a, scope)) for a in node.arguments]
+        title = str(_as_read(node, scope))
+        if title in self.called:
+            return self.called[title]
+        within, own = self.within, syntax.depth(function.body)
+        if len(self.called) >= MAX_CALLS or self.depth + own > MAX_DEPTH:
+            raise self.error(
+                node,
+                f"'{title[:80]}' is one of more than {MAX_CALLS} calls, or nested more than {MAX_DEPTH} operators "
+                "deep; expected less; name parts of it with 'def' or 'let'",
+            )
+        self.depth += own
+        self.within = title if function.keyword == "def" else within
+        inside: Scope = dict(zip(function.parameters, arguments, strict=True))
+        try:
+            read = self.truth if function.keyword == "def" else self.amount
+            result = read(function.body, inside)
+        except SpecError as mistake:
+            if " (read as '" in mistake.problem:
+                raise
+            raise SpecError(
+                self.source, mistake.span, f"{mistake.problem} (read as '{title}', line {node.span.line})"
+            ) from None
+        self.depth, self.within = self.depth - own, within
+        if isinstance(result, Truth) and result.name is None:
+            result = replace(result, name=title)
+        self.called[title] = result
+        return result
+
+    def _distance(self, node: Node, scope: Scope, points: tuple[Node, ...]) -> int:
         a, b = self.same(points, scope, "a distance is between points of one space")
         differences = [self.fold(node, "subtract", p, q) for p, q in zip(a.components, b.components, strict=True)]
         number = self.fold(node, "absolute" if a.dimension is None else "norm", *differences)
         for point, centre_node, centre in ((points[0], points[1], b), (points[1], points[0], a)):
             if a.dimension is not None and self._is_fixed(centre):
-                self.distances[number] = point, self._fixed(centre_node, centre)
+                self.distances[number] = _as_read(point, scope), self.fixed(centre_node, centre, "centre")
         return number
 
     # Regions
@@ -438,69 +674,73 @@ class _Resolver:
     def _is_fixed(self, value: Expression) -> bool:
         return all(self.graph.ops[c].name == "constant" for c in value.components)
 
-    def _fixed(self, node: Node, value: Expression, what: str = "region") -> tuple[float, ...]:
+    def fixed(self, node: Node, value: Expression, what: str) -> tuple[float, ...]:
         """The numbers of a quantity that holds no signal."""
         if not self._is_fixed(value):
             raise self.error(
                 node,
-                f"found a signal; expected constants, a {what} is the same at all times; "
-                + ("for a moving one use distance(...)" if what == "region" else "write numbers or constants"),
+                f"found a signal; expected constants, a {what} is the same at all times; write numbers or constants",
             )
         return tuple(self.graph.constant(c) for c in value.components)
 
-    def _region(self, node: syntax.Call, scope: Mapping[str, str]) -> Truth:
+    def _region(self, node: syntax.Call, scope: Scope) -> Truth:
         point, *rest = node.arguments
         if node.function == "ball":
             centre_node, radius_node = rest
             values = self.same((point, centre_node), scope, "a ball and its points lie in one space")
-            centre = self._fixed(centre_node, values[1])
             radius = Expression((self.scalar(radius_node, scope),))
-            (size,) = self._fixed(radius_node, radius)
+            (size,) = self.fixed(radius_node, radius, "radius")
             if size <= 0:
                 raise self.error(radius_node, f"the radius is {size:g}; expected a positive number; correct it")
             far = self._distance(node, scope, (point, centre_node))
-            if values[0].dimension is not None:
-                self._remember(point, "ball", True, centre=centre, radius=size)
-            return self._predicate(node, self.fold(node, "subtract", radius.components[0], far), scope)
+            truth = self._predicate(node, self.fold(node, "subtract", radius.components[0], far), scope)
+            if values[0].dimension is not None and self._is_fixed(values[1]):
+                centre = self.fixed(centre_node, values[1], "ball")
+                self._remember(truth, _as_read(point, scope), "ball", True, centre=centre, radius=size)
+            return truth
         x, low, high = self.same((point, *rest), scope, "a box and its points lie in one space")
-        lower, upper = self._fixed(rest[0], low), self._fixed(rest[1], high)
-        for a, b in zip(lower, upper, strict=True):
-            if not a < b:
-                raise self.error(
-                    rest[0],
-                    f"the box is empty: a lower bound is {a:g}, its upper {b:g}; "
-                    "expected lower < upper in every component; swap or correct them",
-                )
+        if is_still := self._is_fixed(low) and self._is_fixed(high):
+            lower, upper = self.fixed(rest[0], low, "box"), self.fixed(rest[1], high, "box")
+            for a, b in zip(lower, upper, strict=True):
+                if not a < b:
+                    raise self.error(
+                        rest[0],
+                        f"the box is empty: a lower bound is {a:g}, its upper {b:g}; "
+                        "expected lower < upper in every component; swap or correct them",
+                    )
         faces = [
             self.fold(node, "subtract", *pair)
             for c, a, b in zip(x.components, low.components, high.components, strict=True)
             for pair in ((c, a), (b, c))
         ]
-        if x.dimension is not None:
-            self._remember(point, "box", True, lower=lower, upper=upper)
-        return self._predicate(node, self.fold(node, "minimum", *faces), scope)
+        truth = self._predicate(node, self.fold(node, "minimum", *faces), scope)
+        if x.dimension is not None and is_still:
+            self._remember(truth, _as_read(point, scope), "box", True, lower=lower, upper=upper)
+        return truth
 
-    def _remember(self, point: Node, kind: str, inside: bool, **shape: Any) -> None:
-        signal = point.name if isinstance(point, syntax.Name) and point.name in self.declared.signals else None
-        self.regions.append(Region(self.within, kind, signal, inside, **shape))
+    def _remember(self, predicate: Truth, point: Node, kind: str, inside: bool, **shape: Any) -> None:
+        signal = str(point) if str(point) in self.declared.signals else None
+        self.regions.append((Region(self.within, kind, signal, inside, **shape), predicate.node))
 
     # Formulas
 
-    def truth(self, node: Node, scope: Mapping[str, str]) -> Truth:
+    def truth(self, node: Node, scope: Scope) -> Truth:
         result = self.evaluate(node, scope)
         if isinstance(result, Expression):
             advice = f"compare it, as in {node} > 0.5 if 1 says that it is true"
+            if isinstance(node, syntax.Name) and node.name in self.declared.signals:
+                advice += f", or declare it so, as in 'signal {node.name}: bool'"
             if result.dimension is not None:
                 advice = f"compare a component or the length, as in norm({node}) < 1"
             raise self.error(node, f"found {_shape(result)}; expected a formula; {elsewhere(str(node)) or advice}")
-        return result
+        return result if result.span else replace(result, span=node.span)
 
-    def _predicate(self, node: Node, number: int, scope: Mapping[str, str]) -> Truth:
+    def _predicate(self, node: Node, number: int, scope: Scope) -> Truth:
         if self.graph.ops[number].name == "constant":
             raise self.error(node, f"'{node}' holds no signal, its value never changes; expected a signal; correct it")
-        return Truth(number, predicate=Predicate(_with_labels(node, scope), node.span))
+        return Truth(number, predicate=Predicate(str(_as_read(node, scope)), node.span))
 
-    def _comparison(self, node: syntax.Comparison, scope: Mapping[str, str]) -> Truth:
+    def _comparison(self, node: syntax.Comparison, scope: Scope) -> Truth:
         values = [self.scalar(operand, scope) for operand in node.operands]
         links = []
         for i, operator in enumerate(node.operators):
@@ -516,13 +756,76 @@ class _Resolver:
                     point, centre = self.distances[values[near]]
                     radius = self.graph.constant(values[far])
                     if radius > 0:
-                        self._remember(point, "ball", near == small, centre=centre, radius=radius)
+                        self._remember(links[-1], point, "ball", near == small, centre=centre, radius=radius)
         return links[0] if len(links) == 1 else self._operation("minimum", *links)
 
     def _operation(self, name: str, *parts: Truth, data: tuple[object, ...] = ()) -> Truth:
         return Truth(self.graph.add(name, *(part.node for part in parts), data=data), name, parts, data)
 
-    def _formula(self, node: Node, scope: Mapping[str, str]) -> Truth:
+    def _lag(self, component: int) -> int:
+        return component if self.graph.ops[component].name == "constant" else self.graph.add("lag", component)
+
+    # The past. Trajectories of different length are aligned at their ends: what stands before a trajectory is made
+    # neutral by BEGUN, which says where it begins.
+
+    def _present(self, p: Truth, holds: bool) -> int:
+        """p from the first sample on, and before it true or false."""
+        begun = self.graph.add("signal", data=BEGUN)
+        if holds:
+            return self.graph.add("maximum", p.node, self.graph.add("negative", begun))
+        return self.graph.add("minimum", p.node, begun)
+
+    def _previous(self, p: Truth, steps: int, strong: bool) -> Truth:
+        if steps == 0:
+            return p
+        data = (steps, strong)
+        return Truth(self.graph.add("previous", self._present(p, not strong), data=data), "previous", (p,), data)
+
+    def _looking_back(self, name: str, p: Truth, window: tuple[int, int] | None) -> Truth:
+        """once or historically; once[a,inf] p = previous[!]^a once p, and historically[a,inf] alike."""
+        is_once = name == "once"
+        within = None if window is None or window[1] == FOREVER else window
+        node = self.graph.add(name, self._present(p, not is_once), data=(within,))
+        whole = Truth(node, name, (p,), (within,))
+        return whole if window is None or within is not None else self._previous(whole, window[0], is_once)
+
+    def _since(self, p: Truth, q: Truth, window: tuple[int, int] | None) -> Truth:
+        """p since q, with a window split off as for U: what is read does not depend on the witness."""
+        since = Truth(self.graph.add("since", p.node, self._present(q, False)), "since", (p, q))
+        if window is None:
+            return since
+        low, high = window
+        parts = [] if high == FOREVER else [self._looking_back("once", q, window)]
+        if low > 0:
+            parts.append(self._looking_back("historically", p, (0, low - 1)))
+        bounded = self._operation("minimum", *parts, self._previous(since, low, True))
+        if high < FOREVER:
+            self.graph.split_past[bounded.node] = p.node, q.node, high
+        return bounded
+
+    # The end of the trajectory
+
+    def _cut(self, window: tuple[int, int] | None) -> Truth:
+        """Whether the end of the trajectory cuts the window: true or false."""
+        assert window is not None
+        data = (window[1],)
+        return Truth(self.graph.add("ends", data=data), "ends", (), data)
+
+    def _marked(self, interval: syntax.Interval | None, mark: str = "") -> bool:
+        """Whether the interval has the one mark that its operator may have."""
+        if interval is None or not interval.mark:
+            return False
+        if interval.mark != mark:
+            bounds = f"{interval.lower}, {interval.upper}"
+            advice = {
+                "?": f"a window that the end cuts counts against it unless you write [{bounds}?]",
+                "!": f"a window that the end cuts counts for it unless you write [{bounds}!]",
+                "": "F and U alone may have '?', G and R '!'",
+            }[mark]
+            raise self.error(interval, f"found the mark '{interval.mark}'; expected none here; delete it: {advice}")
+        return True
+
+    def _formula(self, node: Node, scope: Scope) -> Truth:
         def of(child: Node) -> Truth:
             return self.truth(child, scope)
 
@@ -541,23 +844,47 @@ class _Resolver:
             case syntax.Iff(p, q):
                 a, b = of(p), of(q)
                 return op("minimum", op("maximum", op("negative", a), b), op("maximum", op("negative", b), a))
+            case syntax.Xor(p, q):
+                a, b = of(p), of(q)
+                return op("maximum", op("minimum", a, op("negative", b)), op("minimum", b, op("negative", a)))
             case syntax.Next(p, strong):
                 return op("next", of(p), data=(1, strong))
             case syntax.Always(p, interval):
-                return self._reduced("always", of(p), self._window(interval, scope))
+                window = self._window(interval, scope)
+                always = self._reduced("always", of(p), window)
+                if self._marked(interval, "!"):
+                    return op("minimum", always, op("negative", self._cut(window)))
+                return always
             case syntax.Eventually(p, interval):
-                return self._reduced("eventually", of(p), self._window(interval, scope))
+                window = self._window(interval, scope)
+                eventually = self._reduced("eventually", of(p), window)
+                return op("maximum", eventually, self._cut(window)) if self._marked(interval, "?") else eventually
             case syntax.Until(p, q, interval):
-                return self._until(of(p), of(q), self._window(interval, scope))
+                return self._until(of(p), of(q), self._window(interval, scope), self._marked(interval, "?"))
             case syntax.Release(p, q, interval):
                 not_p, not_q = op("negative", of(p)), op("negative", of(q))
-                return op("negative", self._until(not_p, not_q, self._window(interval, scope)))
-            case syntax.WeakUntil(p, q):
-                a, b = of(p), of(q)
-                return op("maximum", self._until(a, b, None), op("always", a, data=(None,)))
-            case syntax.Then(p, q):
-                a, b = of(p), of(q)
-                return op("then", a, b, data=(None, not self.graph.pointwise[a.node]))
+                window = self._window(interval, scope)
+                return op("negative", self._until(not_p, not_q, window, self._marked(interval, "!")))
+            case syntax.WeakUntil(p, q, interval):
+                self._marked(interval)
+                a, b, window = of(p), of(q), self._window(interval, scope)
+                held = None if window is None or window[1] == FOREVER else (0, window[1])
+                return op("maximum", self._until(a, b, window), op("always", a, data=(held,)))
+            case syntax.Then(p, q, interval):
+                self._marked(interval)
+                a, b, window = of(p), of(q), self._window(interval, scope)
+                return op("then", a, b, data=(window, not self.graph.local[a.node]))
+            case syntax.Previous(p):
+                return self._previous(of(p), 1, True)
+            case syntax.Once(p, interval):
+                self._marked(interval)
+                return self._looking_back("once", of(p), self._window(interval, scope))
+            case syntax.Historically(p, interval):
+                self._marked(interval)
+                return self._looking_back("historically", of(p), self._window(interval, scope))
+            case syntax.Since(p, q, interval):
+                self._marked(interval)
+                return self._since(of(p), of(q), self._window(interval, scope))
             case syntax.ForEach(quantifier, variable, labels, body):
                 check_binding(self.source, node.span, variable, labels, self.declared.names)
                 if variable in scope:
@@ -577,7 +904,15 @@ class _Resolver:
             return op(name, p, data=(window,))
         return op("next", op(name, p, data=(None,)), data=(window[0], name == "eventually"))
 
-    def _until(self, p: Truth, q: Truth, window: tuple[int, int] | None) -> Truth:
+    def _until(self, p: Truth, q: Truth, window: tuple[int, int] | None, is_weak: bool = False) -> Truth:
+        """U; a weak one holds, too, where p does up to the end, and the end cuts the window."""
+        until = self._strong_until(p, q, window)
+        if not is_weak:
+            return until
+        held = self._operation("always", p, data=(None,))
+        return self._operation("maximum", until, self._operation("minimum", self._cut(window), held))
+
+    def _strong_until(self, p: Truth, q: Truth, window: tuple[int, int] | None) -> Truth:
         """U, with a window split off where p holds no temporal operator.
 
         p U[a,b] q = F[a,b] q & G[0,a-1] p & X[!]^a (p U q), in value too: a witness of the last part beyond
@@ -585,7 +920,7 @@ class _Resolver:
         an end the first part is not needed.
         """
         op = self._operation
-        truncated = not self.graph.pointwise[p.node]
+        truncated = not self.graph.local[p.node]
         if window is None or truncated:
             return op("until", p, q, data=(window, truncated))
         until = op("until", p, q, data=(None, False))
@@ -598,7 +933,7 @@ class _Resolver:
             self.graph.split[bounded.node] = q.node, window[1]
         return bounded
 
-    def _window(self, interval: syntax.Interval | None, scope: Mapping[str, str]) -> tuple[int, int] | None:
+    def _window(self, interval: syntax.Interval | None, scope: Scope) -> tuple[int, int] | None:
         """The bounds in steps; None where the window is the whole slice."""
         if interval is None:
             return None
@@ -620,14 +955,14 @@ class _Resolver:
             )
         return lower, upper
 
-    def _bound(self, node: Node, scope: Mapping[str, str]) -> tuple[int, str]:
+    def _bound(self, node: Node, scope: Scope) -> tuple[int, str]:
         """A bound in steps, and as a message shows it."""
         bound = self.amount(node, scope)
         if bound.dimension is not None:
             raise self.error(
                 node, f"found {_shape(bound)}; expected a scalar; a bound is one number of steps or seconds"
             )
-        (value,) = self._fixed(node, bound, "bound")
+        (value,) = self.fixed(node, bound, "bound")
         if bound.is_duration:
             return self._samples(node, value), f"{syntax.number_text(value)} s"
         whole = round(value)
@@ -660,10 +995,27 @@ class _Resolver:
         return whole
 
 
-def _with_labels(node: Node, scope: Mapping[str | None, str | None] | Mapping[str, str]) -> str:
-    """The text of a tree with the variables of families and quantifiers replaced by their labels."""
-    labels: Mapping[Any, Any] = scope
-    return re.sub(r"\[(\w+)\]", lambda m: f"[{labels.get(m[1], m[1])}]", str(node))
+def _asked(formula: Truth) -> set[tuple[int, bool]]:
+    """The node of every predicate, and whether the formula asks for it; for its opposite, or both, where it stands so.
+
+    It does under an even number of negations, since every other operation rises with its parts.
+    """
+    found: set[tuple[Truth, bool]] = set()
+    stack = [(formula, True)]
+    while stack:
+        part, wanted = stack.pop()
+        if (part, wanted) not in found:
+            found.add((part, wanted))
+            stack += [(below, wanted != (part.operation == "negative")) for below in part.parts]
+    return {(part.node, wanted) for part, wanted in found if part.predicate is not None}
+
+
+def _as_read(node: Node, scope: Scope) -> Node:
+    """A tree with labels in the place of their variables, and arguments in that of parameters."""
+    if not scope:
+        return node
+    names = {name: bound.node for name, bound in scope.items() if isinstance(bound, Bound)}
+    return syntax.replaced(node, names, {name: label for name, label in scope.items() if isinstance(label, str)})
 
 
 def _title(name: str, label: str | None) -> str:

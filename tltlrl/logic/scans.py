@@ -82,6 +82,57 @@ def windows(fold: Fold, x: Array, size: int) -> Array:
     return joined
 
 
+def pairs(p: Array, q: Array, low: int, high: int) -> Array:
+    """Column t of the result is the largest min(p_i, q_k) with t <= i < k and t + low <= k <= t + high.
+
+    Of two stretches of time, one after the other, the best pair is that of either, or the largest p of the first with
+    the largest q of the second. So a stretch of any length is joined from those of lengths 1, 2, 4, ...
+
+    Args:
+      p: (N, T - 1).
+      q: (N, T).
+      low, high: whole numbers, 0 <= low <= high.
+
+    Returns:
+      (N, T).
+    """
+    count, steps = q.shape
+    size = min(high, steps - 1) - low + 1
+    out = np.full((count, steps), -np.inf)
+    if size < 1:
+        return out
+    # From t + low on: stretches of `size` samples, padded with samples that no pair holds.
+    width = steps + size
+    ps, qs, best = padded(p, width, -np.inf), padded(q, width, -np.inf), np.full((count, width), -np.inf)
+    whole: tuple[Array, Array, Array] | None = None
+
+    def joined(a: tuple[Array, Array, Array], b: tuple[Array, Array, Array], span: int) -> tuple[Array, Array, Array]:
+        """Stretches a, of `span` samples, each with the stretch b that follows it."""
+        pair = np.maximum(a[2][:, :-span], b[2][:, span:])
+        np.maximum(pair, np.minimum(a[0][:, :-span], b[1][:, span:]), out=pair)
+        first = np.maximum(a[0][:, :-span], b[0][:, span:])
+        second = np.maximum(a[1][:, :-span], b[1][:, span:])
+        return tuple(padded(x, width, -np.inf) for x in (first, second, pair))  # type: ignore[return-value]
+
+    power, span, done = (ps, qs, best), 1, 0
+    while True:
+        if size & span:
+            whole = power if whole is None else joined(whole, power, done)
+            done += span
+        if done == size:
+            break
+        power, span = joined(power, power, span), 2 * span
+    assert whole is not None
+    _, later, inside = whole
+    out[:, : steps - low] = inside[:, low:steps]
+    if low > 0:  # or the first before t + low
+        earlier = windows(np.maximum, padded(p, steps + low, -np.inf), low)[:, :steps]
+        np.maximum(
+            out[:, : steps - low], np.minimum(earlier[:, : steps - low], later[:, low:steps]), out=out[:, : steps - low]
+        )
+    return out
+
+
 def until(p: Array, q: Array) -> Array:
     """p U q on every suffix, (N, T), from p without its last column and q.
 

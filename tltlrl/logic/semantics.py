@@ -18,7 +18,7 @@ from typing import Literal
 import numpy as np
 
 from tltlrl.logic import scans
-from tltlrl.logic.graph import ARITHMETIC, PARTIAL, UFUNCS, Array, Graph, Op, apply
+from tltlrl.logic.graph import ARITHMETIC, PARTIAL, PAST, POINTWISE, SELECTING, UFUNCS, Array, Graph, Op, apply
 
 Steps = tuple[int, int]  # half-open
 Values = dict[int, Array]
@@ -36,6 +36,10 @@ _EMPTY = {
     ("eventually", False): -np.inf,
     ("until", False): -np.inf,
     ("then", False): -np.inf,
+    ("previous", False): np.inf,
+    ("previous", True): -np.inf,
+    ("historically", False): np.inf,
+    ("once", False): -np.inf,
 }
 
 
@@ -113,9 +117,11 @@ class Plan:
         for node, dead in self.order:
             op, (a, b) = self.graph.ops[node], self.steps[node]
             if op.name == "constant":
-                arrays[node] = np.asarray(self.graph.constant(node))
+                value = self.graph.constant(node)
+                arrays[node] = np.full((count, b - a), value) if node in self.roots else np.asarray(value)
                 continue
-            out = np.empty((count, b - a)) if node in self.roots else take(b - a)
+            # A signal's array is filled before all operations: none may have it before.
+            out = np.empty((count, b - a)) if node in self.roots or op.name == "signal" else take(b - a)
             arrays[node] = out
             if op.name == "signal":
                 name, part = op.data
@@ -138,7 +144,7 @@ class Plan:
             for node, operation in program.operations:
                 operation()
                 bad = ~np.isfinite(program.arrays[node])
-                if bad.any() and self.graph.pointwise[node]:
+                if bad.any() and self.graph.ops[node].name in ARITHMETIC - SELECTING:
                     row = int(np.argmax(bad.any(axis=1)))
                     return node, self.steps[node][0] + int(np.argmax(bad[row])), row
         raise AssertionError("no expression fails")
@@ -158,7 +164,7 @@ def plan(graph: Graph, roots: Mapping[int, Steps], end: int, given: Iterable[int
             steps[node] = min(old[0], wanted[0]), max(old[1], wanted[1])
 
     for node in graph.below(roots, known):
-        if graph.pointwise[node] and graph.ops[node].name in PARTIAL:
+        if graph.local[node] and graph.ops[node].name in PARTIAL:
             demand(node, (0, end))
     for node, wanted in roots.items():
         demand(node, wanted)
@@ -178,14 +184,15 @@ def plan(graph: Graph, roots: Mapping[int, Steps], end: int, given: Iterable[int
 
 
 def _leaves(graph: Graph, root: int) -> list[int]:
-    """The largest sub-formulas below `root` without temporal operators."""
+    """The largest sub-formulas below `root` whose values are the same on all slices, but constants."""
     found: dict[int, None] = {}
     seen = set()
     stack = [root]
     while stack:
         node = stack.pop()
-        if graph.pointwise[node]:
-            found[node] = None
+        if graph.local[node]:
+            if graph.ops[node].name != "constant":
+                found[node] = None
         elif node not in seen:
             seen.add(node)
             stack.extend(graph.ops[node].args)
@@ -204,7 +211,7 @@ def _last_of(graph: Graph, op: Op) -> int | None:
 def _demands(graph: Graph, node: int, steps: Steps, end: int) -> list[tuple[int, Steps]]:
     """Which steps of which nodes the values of a node at [a, b) are computed from."""
     op, (a, b) = graph.ops[node], steps
-    if graph.pointwise[node]:
+    if op.name in POINTWISE:
         return [(child, steps) for child in op.args]
     match op.name, op.data:
         case "next", (int(k), _):
@@ -216,12 +223,25 @@ def _demands(graph: Graph, node: int, steps: Steps, end: int) -> list[tuple[int,
             return [(op.args[0], (a + low, min(b + high, end)))]
         case "second", _:
             return [(op.args[0], (a, end))]
+        case "lag", _:
+            return [(op.args[0], (max(a - 1, 0), max(b - 1, 1)))]
+        case "previous", (int(k), _):
+            return [(op.args[0], (max(a - k, 0), b - k))]
+        case (("once" | "historically"), (None,)):
+            return [(op.args[0], (0, b))]
+        case (("once" | "historically"), ((int(low), int(high)),)):
+            return [(op.args[0], (max(a - high, 0), b - low))]
+        case "since", _:
+            return [(op.args[0], (1, b)), (op.args[1], (0, b))]
         case "until", (None, False):
             return [(op.args[0], (a, end - 1)), (op.args[1], (a, end))]
         case "then", (None, False):
             return [(op.args[0], (a, end - 1)), (op.args[1], (a + 1, end))]
+        case "then", (_, False):
+            return [(op.args[0], (a, end - 1)), (op.args[1], (a, end))]
         case (("until" | "then"), (_, True)):
-            return [*((leaf, (a, end - 1)) for leaf in _leaves(graph, op.args[0])), (op.args[1], (a, end))]
+            first = 0 if graph.looks_back[op.args[0]] else a
+            return [*((leaf, (first, end - 1)) for leaf in _leaves(graph, op.args[0])), (op.args[1], (a, end))]
         case _:
             return [(child, steps) for child in op.args]
 
@@ -234,8 +254,8 @@ def _operation(
     demands = [(child, wanted) for child, wanted in _demands(graph, node, (a, b), end) if wanted[0] < wanted[1]]
 
     def view(child: int, wanted: Steps) -> Array:
-        if graph.ops[child].name == "constant":
-            return arrays[child]
+        if not arrays[child].ndim:  # a constant
+            return arrays[child] if op.name in POINTWISE else np.full((len(out), wanted[1] - wanted[0]), arrays[child])
         return arrays[child][:, wanted[0] - steps[child][0] : wanted[1] - steps[child][0]]
 
     if op.name in {"until", "then"} and op.data[1] is True:
@@ -247,9 +267,54 @@ def _operation(
         return partial(apply, op, args, out, scratch)
     if op.name == "second":
         return lambda: np.copyto(out, scans.second_smallest(args[0]))
+    if op.name == "ends":
+        (k,) = op.data
+        assert isinstance(k, int)
+        return partial(np.copyto, out, np.where(np.arange(a, b) + k >= end, np.inf, -np.inf))
     if not args:
         return partial(out.fill, _EMPTY[op.name, op.data[-1] is True])
+    if op.name in PAST:
+        return partial(_past(op, (a, b)), args, out)
     return partial(_temporal(graph, op, b - a, end), args, out)
+
+
+def _past(op: Op, steps: Steps) -> Callable[[list[Array], Array], object]:
+    """The function that writes the columns `steps` of an operator of the past from its arguments' columns."""
+    (a, b), width = steps, steps[1] - steps[0]
+    if op.name in {"lag", "previous"}:
+        k = op.data[0] if op.data else 1
+        assert isinstance(k, int)
+        before = min(max(k - a, 0), width)  # columns that nothing precedes
+
+        def shift(args: list[Array], out: Array) -> None:
+            out[:, before:] = args[0][:, : width - before]
+            out[:, :before] = args[0][:, :1] if op.name == "lag" else _EMPTY[op.name, op.data[1] is True]
+
+        return shift
+    if op.name == "since":
+
+        def since(args: list[Array], out: Array) -> None:
+            if len(args) == 1:  # the first sample alone
+                out[:] = args[0]
+            else:
+                p, q = (np.ascontiguousarray(x[:, ::-1]) for x in args)
+                out[:] = scans.until(p, q)[:, ::-1][:, a:]
+
+        return since
+    (window,), fold = op.data, np.minimum if op.name == "historically" else np.maximum
+    if window is None:
+        return lambda args, out: np.copyto(out, fold.accumulate(args[0], axis=1)[:, a:])
+    assert isinstance(window, tuple)
+    low, high = window
+    high = min(high, b - 1)  # the first windows stick out before the start; from one of the whole length on they all do
+    filler = _EMPTY[op.name, False]
+
+    def windows(args: list[Array], out: Array) -> None:
+        x = np.full((len(out), width + high - low), filler)
+        x[:, x.shape[1] - args[0].shape[1] :] = args[0]
+        np.copyto(out, scans.windows(fold, x, high - low + 1))
+
+    return windows
 
 
 def _temporal(graph: Graph, op: Op, width: int, end: int) -> Callable[[list[Array], Array], object]:
@@ -276,6 +341,17 @@ def _temporal(graph: Graph, op: Op, width: int, end: int) -> Callable[[list[Arra
                 out[:] = scans.until(*args)[:, :width]
 
         return until
+    if op.name == "then" and op.data[0] is not None:
+        low, high = op.data[0]  # type: ignore[misc]
+
+        def bounded(args: list[Array], out: Array) -> None:
+            out[:] = -np.inf
+            if len(args) == 2:
+                pairs = scans.pairs(args[0], args[1], low, high)
+                reach = min(width, pairs.shape[1])
+                out[:, :reach] = pairs[:, :reach]
+
+        return bounded
     if op.name == "then":
         # The largest p before t' is reached at some t'' < t': p T q = F (p & X[!] F q) for a p without temporal
         # operators. F q is q when q is itself an unbounded T or F.
@@ -335,7 +411,11 @@ def _truncated(
     (a, b), (p, q) = wanted, op.args
     window, fold, empty = op.data[0], np.minimum if op.name == "until" else np.maximum, _HELD[op.name]
     low, high = window if isinstance(window, tuple) else (0, end)
-    right = arrays[q][:, a - steps[q][0] : end - steps[q][0]]
+    right = (
+        np.full((len(out), end - a), arrays[q])
+        if not arrays[q].ndim
+        else arrays[q][:, a - steps[q][0] : end - steps[q][0]]
+    )
     out[:] = -np.inf
     # `stop` is the t' of the definition; it concerns those t for which it lies in t + [low, high].
     for stop in range(a + low, end):

@@ -26,11 +26,11 @@ def at_start(graph: Graph, root: int) -> int:
     moved: dict[tuple[str, int], int] = {}
     for node in nodes:
         op = graph.ops[node]
-        if node not in reached or graph.pointwise[node]:
+        if node not in reached or graph.local[node]:
             equal[node] = node
         elif op.name in {"minimum", "maximum", "negative"}:
             equal[node] = graph.add(op.name, *(equal[arg] for arg in op.args))
-        elif op.name in _DUAL and op.data == (None,) and graph.pointwise[op.args[0]]:
+        elif op.name in _DUAL and op.data == (None,) and graph.local[op.args[0]]:
             equal[node] = _reduction(graph, op.name, op.args[0], _DEEPEST, moved)
         elif (once := _once(graph, node)) is not None:
             equal[node] = graph.add("second", once)
@@ -47,7 +47,7 @@ def _once(graph: Graph, node: int) -> int | None:
     pair = graph.ops[op.args[0]].args
     for p, later in (pair, pair[::-1]) if len(pair) == 2 else ():
         rest = graph.ops[later]
-        if graph.pointwise[p] and rest.name == "next" and rest.data == (1, False):
+        if graph.local[p] and rest.name == "next" and rest.data == (1, False):
             inner = graph.ops[rest.args[0]]
             if inner.name == "always" and inner.data == (None,) and inner.args == (p,):
                 return p

@@ -1,5 +1,6 @@
 """`Spec`: a formula with its signals and constants, ready to be evaluated on batches of trajectories."""
 
+import copy
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from numbers import Real
@@ -14,10 +15,13 @@ from tltlrl.logic import syntax
 from tltlrl.logic.declarations import Value
 from tltlrl.logic.errors import Source, Span, SpecError, TraceError
 from tltlrl.logic.explain import Explanation, explain
-from tltlrl.logic.graph import Array
+from tltlrl.logic.graph import BEGUN, Array
+from tltlrl.logic.normalise import divided, predicates, spreads
 from tltlrl.logic.parser import parse
+from tltlrl.logic.reach import beyond
 from tltlrl.logic.resolve import Meaning, Region, resolve
 from tltlrl.logic.semantics import Plan, Signals, plan
+from tltlrl.logic.traps import Trap, traps
 
 # Values of one block of trajectories: small enough that the arrays of a formula stay in a core's cache.
 BLOCK = 32_768
@@ -120,6 +124,11 @@ class Spec:
         return MappingProxyType(self._meaning.signals)
 
     @property
+    def booleans(self) -> frozenset[str]:
+        """The signals that are true or false: their arrays hold True and False, or 1 and 0."""
+        return self._meaning.booleans
+
+    @property
     def constants(self) -> Mapping[str, Value | dict[str, Value]]:
         """Effective constants: float, tuple of floats for a vector, dict from label to these for a family."""
         return MappingProxyType(self._meaning.constants)
@@ -155,6 +164,11 @@ class Spec:
         return MappingProxyType({name: text for name, (_, text) in self._meaning.definitions.items()})
 
     @property
+    def traps(self) -> tuple[Trap, ...]:
+        """What the formula says that is easily missed, where trajectories end."""
+        return traps(self._meaning.document)
+
+    @property
     def regions(self) -> tuple[Region, ...]:
         """The balls and boxes of constant place and size that it speaks of."""
         return self._meaning.regions
@@ -167,9 +181,23 @@ class Spec:
         Raises:
           SpecError: if that depends on a sampling period that is not known.
         """
+        self._check_period()
+        return self._meaning.graph.horizon(self._meaning.root)
+
+    @property
+    def memory(self) -> int | None:
+        """How many samples before the one it is read at the value can depend on; None when on all, 0 without operators
+        of the past.
+
+        Raises:
+          SpecError: if that depends on a sampling period that is not known.
+        """
+        self._check_period()
+        return self._meaning.graph.memory(self._meaning.root)
+
+    def _check_period(self) -> None:
         if self.period is None and self.counts_seconds:
             raise self._without_period(SpecError)
-        return self._meaning.graph.horizon(self._meaning.root)
 
     def _without_period(self, kind: type[SpecError] | type[TraceError]) -> SpecError | TraceError:
         assert self._meaning.timed is not None
@@ -219,12 +247,55 @@ class Spec:
         values = self._over_time(batch, tuple(dict.fromkeys(nodes.values())))
         return {name: values[node] for name, node in nodes.items()}
 
+    def normalised(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> "Spec":
+        """The same spec with every predicate divided by its spread over these trajectories (tltlrl.logic.normalise).
+
+        Its verdicts are this one's; its values have no unit. It is for `robustness` and `clauses`, to learn from.
+        """
+        places = predicates(self._meaning.formula)
+        margins = self._over_time(self._batch(signals, lengths), tuple(places))
+        result = copy.copy(self)
+        result._meaning = divided(self._meaning, spreads(places, margins))
+        result._plan = lru_cache(maxsize=16)(result._make_plan)
+        return result
+
+    def predicates_over_time(
+        self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None
+    ) -> dict[str, Array]:
+        """The margin of each predicate of the formula at each sample: text to (N, T), as `robustness_over_time`."""
+        batch = self._batch(signals, lengths)
+        nodes = self._meaning.predicates
+        values = self._over_time(batch, tuple(dict.fromkeys(nodes.values())))
+        return {text: values[node] for text, node in nodes.items()}
+
     def explain(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> tuple[Explanation, ...]:
         """What decides each trajectory's value: one Explanation each."""
         batch = self._batch(signals, lengths)
         named = (truth.node for truth, _ in self._meaning.definitions.values())
         self._over_time(batch, tuple({self._meaning.root, *named}))  # finds expressions without a finite value
         return tuple(explain(self._meaning, self._source.name, batch.single(row)) for row in range(batch.count))
+
+    def check_length(self, signals: Mapping[str, ArrayLike]) -> None:
+        """Whether trajectories of this length can satisfy and violate every part of the formula.
+
+        Args:
+          signals: of any one trajectory of the length, arrays of shape (1, T) or (1, T, d).
+
+        Raises:
+          SpecError: at the innermost part whose windows lie beyond the end.
+        """
+        batch = self._batch(signals, None)
+        if (found := beyond(self._meaning, batch.single(0))) is None:
+            return
+        part, value = found
+        assert part.span is not None
+        raise SpecError(
+            self._source,
+            part.span,
+            f"{'every' if value > 0 else 'no'} trajectory of {batch.steps} samples satisfies this, whatever it does; "
+            f"expected windows that begin by the last sample, step {batch.steps - 1}; lower the bounds, or make the "
+            "episode longer",
+        )
 
     def clauses(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> dict[str, Array]:
         """The robustness of each top-level clause on each whole trajectory: text to (N,), in the order of the text.
@@ -289,9 +360,9 @@ def _floats(given: ArrayLike) -> Array:
 class _Batch:
     """Checked signals, cut into blocks.
 
-    Trajectories of different length are aligned at their ends, their first samples repeated in front:
-    operators look only forward, so what stands before a trajectory changes none of its values, and no
-    operator needs a mask.
+    Trajectories of different length are aligned at their ends, their first samples repeated in front: what stands
+    before a trajectory changes none of its values, for operators look forward, and those of the past are told where
+    it begins (BEGUN).
     """
 
     def __init__(
@@ -326,6 +397,8 @@ class _Batch:
             self._set_lengths(lengths)
         for name, array in self.arrays.items():
             self._check_finite(name, array)
+        for name in meaning.booleans & self.arrays.keys():
+            self._check_boolean(name)
 
     def error(self, name: str, problem: str) -> TraceError:
         return TraceError(self.source, self.meaning.signal_spans[name], problem)
@@ -402,6 +475,18 @@ class _Batch:
                 "repair the recording or cut it with lengths",
             )
 
+    def _check_boolean(self, name: str) -> None:
+        array = self.arrays[name][:, : self.steps]
+        first = self.steps if self.offset is None else (self.steps - self.offset)[:, None]
+        bad = np.argwhere((array != 0) & (array != 1) & (np.arange(self.steps) < first))
+        if len(bad):
+            row, step = map(int, bad[0])
+            raise self.error(
+                name,
+                f"signal '{name}' is {array[row, step]:g} at trajectory {row}, step {step}; expected true or false, 1 "
+                "or 0, as it is declared; repair the recording, or declare it without ': bool' and compare it",
+            )
+
     def blocks(self) -> Iterator[tuple[slice, dict[tuple[str, int | None], Array]]]:
         """Slices of trajectories and their signals, one (trajectories, steps) array per component."""
         size = max(1, BLOCK // self.steps)
@@ -410,7 +495,7 @@ class _Batch:
             yield rows, self._block(rows)
 
     def _block(self, rows: slice) -> dict[tuple[str, int | None], Array]:
-        parts: dict[tuple[str, int | None], Array] = {}
+        parts: dict[tuple[str, int | None], Array] = {BEGUN: self._begun(rows)} if self.meaning.looks_back else {}
         for name, whole in self.arrays.items():
             array = whole[rows, : self.steps]
             if self.offset is not None:
@@ -422,10 +507,16 @@ class _Batch:
                 parts.update({(name, i): array[:, :, i] for i in range(array.shape[2])})
         return parts
 
+    def _begun(self, rows: slice) -> Array:
+        count = len(range(*rows.indices(self.count)))
+        if self.offset is None:
+            return np.broadcast_to(np.inf, (count, self.steps))
+        return np.where(np.arange(self.steps) >= self.offset[rows, None], np.inf, -np.inf)
+
     def single(self, row: int) -> dict[tuple[str, int | None], Array]:
         """One trajectory's signals, cut to its length."""
         steps = self.steps - (0 if self.offset is None else int(self.offset[row]))
-        return {
+        return {BEGUN: np.broadcast_to(np.inf, (1, steps))} | {
             (name, i): array[row : row + 1, :steps] if i is None else array[row : row + 1, :steps, i]
             for name, array in self.arrays.items()
             for i in ((None,) if array.ndim == 2 else range(array.shape[2]))
@@ -441,6 +532,10 @@ class _Batch:
         problem = {
             "divide": "division by zero or overflow",
             "sqrt": "the square root of a negative number",
+            "log": "the logarithm of a number that is not above 0",
+            "asin": "the arc sine of a number beyond -1 and 1",
+            "acos": "the arc cosine of a number beyond -1 and 1",
+            "mod": "division by zero",
             "power": "a power without a finite value",
         }.get(ready.graph.ops[node].name, "a number too large for a float")
         return TraceError(

@@ -5,8 +5,9 @@ formulas share one tree because one grammar reads both (`(x` may begin either); 
 them apart.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 from tltlrl.logic.errors import NOWHERE, Span
 
@@ -33,6 +34,13 @@ class Duration(Node):
     """`1.5 s`, `20 ms`, `2 min`."""
 
     seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class Boolean(Node):
+    """`true`, `false`."""
+
+    value: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +143,14 @@ class Iff(Node):
 
 
 @dataclass(frozen=True, slots=True)
+class Xor(Node):
+    """`p xor q`: not both and not neither."""
+
+    left: Node
+    right: Node
+
+
+@dataclass(frozen=True, slots=True)
 class Next(Node):
     """`X p`, or `X[!] p` when strong."""
 
@@ -149,10 +165,11 @@ class Infinity(Node):
 
 @dataclass(frozen=True, slots=True)
 class Interval(Node):
-    """`[a, b]` in steps or seconds."""
+    """`[a, b]` in steps or seconds; `[a, b?]` and `[a, b!]` say what a window is worth that the end cuts."""
 
     lower: Node
     upper: Node
+    mark: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,18 +208,52 @@ class Release(Node):
 
 @dataclass(frozen=True, slots=True)
 class WeakUntil(Node):
-    """`p W q`: `(p U q) | G p`."""
+    """`p W q`: `(p U q) | G p`; `p W[a,b] q`: `(p U[a,b] q) | G[0,b] p`."""
 
     left: Node
     right: Node
+    interval: Interval | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Then(Node):
-    """`p T q`: first p, later q."""
+    """`p T q`: first p, later q; `p T[a,b] q`."""
 
     left: Node
     right: Node
+    interval: Interval | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Previous(Node):
+    """`previous[!] p`, the strong one; the weak one, `previous p`, is the call `previous(p)`."""
+
+    operand: Node
+
+
+@dataclass(frozen=True, slots=True)
+class Once(Node):
+    """`once p`, `once[a,b] p`."""
+
+    operand: Node
+    interval: Interval | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Historically(Node):
+    """`historically p`, `historically[a,b] p`."""
+
+    operand: Node
+    interval: Interval | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Since(Node):
+    """`p since q`, `p since[a,b] q`."""
+
+    left: Node
+    right: Node
+    interval: Interval | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,32 +268,36 @@ class ForEach(Node):
 
 @dataclass(frozen=True, slots=True)
 class Signal(Node):
-    """`signal ee[2]`; a scalar has dimension None."""
+    """`signal ee[2]`; a scalar has dimension None. `signal pressed: bool` is true or false."""
 
     name: str
     dimension: int | None
+    is_boolean: bool = False
+    variable: str | None = None
+    labels: tuple[str, ...] = ()  # of a family: `signal ped[i in 1..5][2]`
 
 
 @dataclass(frozen=True, slots=True)
 class Constant(Node):
-    """`const goal = (1, 2)`, or a member of a family: `const goal[r] = (1, 2)`."""
+    """`const goal = (1, 2)`, or a member of a family: `const goal[r] = (1, 2)`; a value that is computed is a tree."""
 
     name: str
     label: str | None
-    value: float | tuple[float, ...]
+    value: float | tuple[float, ...] | Node
     is_duration: bool = False  # in seconds
 
 
 @dataclass(frozen=True, slots=True)
 class Definition(Node):
     """`let d = ...` (a number) or `def p: ...` (a formula); with a variable, a family: `def at[i in r,
-    g]: ...`."""
+    g]: ...`, with parameters, a function."""
 
     keyword: str
     name: str
     variable: str | None
     labels: tuple[str, ...]
     body: Node
+    parameters: tuple[str, ...] = ()  # `def near(p, r): ...`
 
 
 @dataclass(frozen=True, slots=True)
@@ -270,13 +325,19 @@ def children(node: Node) -> tuple[Node, ...]:
     match node:
         case Vector(items) | And(items) | Or(items) | Call(_, items) | Comparison(items, _):
             return items
-        case Index(a, _) | Component(a, _) | Negative(a) | Not(a) | Next(a, _) | ForEach(_, _, _, a):
+        case Index(a, _) | Component(a, _) | Negative(a) | Not(a) | Next(a, _) | Previous(a) | ForEach(_, _, _, a):
             return (a,)
-        case Always(a, interval) | Eventually(a, interval):
+        case Always(a, interval) | Eventually(a, interval) | Once(a, interval) | Historically(a, interval):
             return (a, *(() if interval is None else (interval,)))
-        case Until(a, b, interval) | Release(a, b, interval):
+        case (
+            Until(a, b, interval)
+            | Release(a, b, interval)
+            | WeakUntil(a, b, interval)
+            | Then(a, b, interval)
+            | Since(a, b, interval)
+        ):
             return (a, b, *(() if interval is None else (interval,)))
-        case Arithmetic(_, a, b) | Implies(a, b) | Iff(a, b) | WeakUntil(a, b) | Then(a, b) | Interval(a, b):
+        case Arithmetic(_, a, b) | Implies(a, b) | Iff(a, b) | Xor(a, b) | Interval(a, b, _):
             return (a, b)
         case _:
             return ()
@@ -292,6 +353,27 @@ def walk(tree: Node) -> Iterator[tuple[Node, int]]:
         stack.extend((child, depth + 1) for child in reversed(children(node)))
 
 
+def depth(tree: Node) -> int:
+    """How many nodes of a tree stand in each other at most."""
+    return max(depth for _, depth in walk(tree))
+
+
+def replaced(tree: Node, names: Mapping[str, Node], labels: Mapping[str, str]) -> Node:
+    """A tree with other trees in the place of names, and other labels in that of labels."""
+
+    def of(part: object) -> object:
+        if isinstance(part, tuple):
+            return tuple(map(of, part))
+        return replaced(part, names, labels) if isinstance(part, Node) else part
+
+    if isinstance(tree, Name):
+        return names.get(tree.name, tree)
+    changed: dict[str, Any] = {f.name: of(getattr(tree, f.name)) for f in fields(tree) if f.name != "span"}
+    if isinstance(tree, Index):
+        changed["label"] = labels.get(tree.label, tree.label)
+    return replace(tree, **changed)
+
+
 def size(tree: Node) -> int:
     """How many nodes a tree holds when the body of each quantifier is written out for each label."""
     total, stack = 0, [(tree, 1)]
@@ -304,7 +386,7 @@ def size(tree: Node) -> int:
 
 
 # Binding strength, loosest first; an operand that binds looser than its place needs parentheses.
-_FOR_EACH, _IFF, _IMPLIES, _OR, _AND, _UNTIL, _UNARY, _COMPARE, _SUM, _PRODUCT, _SIGN, _POWER, _ATOM = range(13)
+_FOR_EACH, _IFF, _IMPLIES, _XOR, _OR, _AND, _UNTIL, _UNARY, _COMPARE, _SUM, _PRODUCT, _SIGN, _POWER, _ATOM = range(14)
 
 
 def number_text(value: float) -> str:
@@ -371,22 +453,34 @@ def _write(node: Node) -> tuple[str, int]:
             return f"F{interval or ''} {_at(a, _UNARY)}", _UNARY
         case Infinity():
             return "inf", _ATOM
-        case Interval(a, b):
-            return f"[{a}, {b}]", _ATOM
+        case Previous(a):
+            return f"previous[!] {_at(a, _UNARY)}", _UNARY
+        case Once(a, interval):
+            return f"once{interval or ''} {_at(a, _UNARY)}", _UNARY
+        case Historically(a, interval):
+            return f"historically{interval or ''} {_at(a, _UNARY)}", _UNARY
+        case Boolean(value):
+            return "true" if value else "false", _ATOM
+        case Interval(a, b, mark):
+            return f"[{a}, {b}{mark}]", _ATOM
         case Until(a, b, interval):
             return f"{_at(a, _UNARY)} U{interval or ''} {_right_of(node, b)}", _UNTIL
         case Release(a, b, interval):
             return f"{_at(a, _UNARY)} R{interval or ''} {_right_of(node, b)}", _UNTIL
-        case WeakUntil(a, b):
-            return f"{_at(a, _UNARY)} W {_right_of(node, b)}", _UNTIL
-        case Then(a, b):
-            return f"{_at(a, _UNARY)} T {_right_of(node, b)}", _UNTIL
+        case WeakUntil(a, b, interval):
+            return f"{_at(a, _UNARY)} W{interval or ''} {_right_of(node, b)}", _UNTIL
+        case Then(a, b, interval):
+            return f"{_at(a, _UNARY)} T{interval or ''} {_right_of(node, b)}", _UNTIL
+        case Since(a, b, interval):
+            return f"{_at(a, _UNARY)} since{interval or ''} {_right_of(node, b)}", _UNTIL
         case And(operands):
             return " & ".join(_at(a, _UNTIL) for a in operands), _AND
         case Or(operands):
             return " | ".join(_at(a, _AND) for a in operands), _OR
         case Implies(a, b):
-            return f"{_at(a, _OR)} => {_at(b, _IMPLIES)}", _IMPLIES
+            return f"{_at(a, _XOR)} => {_at(b, _IMPLIES)}", _IMPLIES
+        case Xor(a, b):
+            return f"{_at(a, _XOR)} xor {_at(b, _OR)}", _XOR
         case Iff(a, b):
             return f"{_at(a, _IMPLIES)} <=> {_at(b, _IFF)}", _IFF
         case ForEach(quantifier, variable, labels, body):
@@ -395,13 +489,17 @@ def _write(node: Node) -> tuple[str, int]:
             return f"{number_text(seconds)} s", _ATOM
         case Period(seconds):
             return f"period {number_text(seconds)} s", _ATOM
-        case Signal(name, dimension):
-            return f"signal {name}" + ("" if dimension is None else f"[{dimension}]"), _ATOM
-        case Constant(name, label, value, is_duration):
-            written = value_text(value) + " s" * is_duration
-            return f"const {name}" + (f"[{label}]" if label else "") + f" = {written}", _ATOM
-        case Definition(keyword, name, variable, labels, body):
+        case Signal(name, dimension, is_boolean, variable, labels):
             family = f"[{variable} in {', '.join(labels)}]" if variable else ""
+            return f"signal {name}{family}" + (
+                "" if dimension is None else f"[{dimension}]"
+            ) + ": bool" * is_boolean, _ATOM
+        case Constant(name, label, value, is_duration):
+            written = str(value) if isinstance(value, Node) else value_text(value) + " s" * is_duration
+            return f"const {name}" + (f"[{label}]" if label else "") + f" = {written}", _ATOM
+        case Definition(keyword, name, variable, labels, body, parameters):
+            family = f"[{variable} in {', '.join(labels)}]" if variable else ""
+            family += f"({', '.join(parameters)})" if parameters else ""
             return f"{keyword} {name}{family}{' =' if keyword == 'let' else ':'} {body}", _ATOM
         case Document(declarations, formula, True):
             return "\n".join(map(text, (*declarations, formula))), _ATOM

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +12,12 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scipy.stats import bootstrap
 
 from tltlrl.errors import UserError
+from tltlrl.reports.interval import FEWEST, LEVEL, mean_interval
 from tltlrl.store.files import write_bytes
-from tltlrl.store.layout import CURVES
+from tltlrl.store.layout import CURVES, PROGRESS
+from tltlrl.store.run import going_on, joined, whole_lines
 
 Array = NDArray[np.float64]
 
@@ -34,76 +36,105 @@ LABELS = {
     "discrete_step": "discrete, step-based",
     "continuous_step": "continuous, step-based",
 }
+PANELS = {  # what is drawn of learning_curves.csv
+    "robustness_mean": "sampled trajectories",
+    "robustness_policy": "mean policy, without noise",
+}
 FONT: dict[Any, Any] = {"font.size": 9, "axes.titlesize": 9, "legend.fontsize": 8, "pdf.fonttype": 42}
 FORMATS = {".png": {"Software": None}, ".pdf": {"CreationDate": None}}  # without what differs between two savings
-RESAMPLES = 2000
-BATCH = 4_000_000  # numbers at a time; the band is the same for any
 DETAIL = 3.0  # a second row of panels reaches this many times as far below 0 as the best curve above,
 NEEDED = 6.0  # where the worst curve goes this many times as far
 
 
 def read_curves(folder: Path) -> pd.DataFrame:
-    """learning_curves.csv of an experiment's folder.
+    """learning_curves.csv of an experiment's folder; while runs of it go on, what every run has written so far.
 
     Raises:
       UserError: if there is none, or it lacks a column or a row, or holds something that is not a number.
     """
     path = folder / CURVES
+    if running := going_on(folder):
+        path, text = folder, joined([rows for run in running if (rows := whole_lines(run / PROGRESS))])
     try:
-        text = path.read_text(encoding="utf-8")
+        text = text if running else path.read_text(encoding="utf-8")
         curves = pd.read_csv(io.StringIO(text))
     except (OSError, ValueError) as error:
         raise UserError(f"{path} cannot be read ({error}); give the folder of an experiment, as runs/NAME") from error
-    if mistake := _mistake(curves, text):
+    if mistake := _mistake(curves, text, equal=not running):
         raise UserError(f"{path}: {mistake}; run the experiment again to write it anew")
     return curves
 
 
-def _mistake(curves: pd.DataFrame, text: str) -> str | None:
-    """What is wrong with the learning curves of this text, if anything."""
-    needed = {"task", "case", "seed", "iteration", "episodes", "robustness_mean"}
+def _mistake(curves: pd.DataFrame, text: str, equal: bool) -> str | None:
+    """What is wrong with the learning curves of this text, if anything; `equal`: whether all must be as long."""
+    needed = {"task", "case", "seed", "iteration", "episodes", *PANELS}
     if missing := needed - set(curves.columns):
         return f"no column {', '.join(sorted(missing))}"
     if not text.endswith("\n"):
         return "its last line is cut off"
     if curves.empty or curves.duplicated(["case", "seed", "iteration"]).any():
         return "empty, or with an iteration twice"
-    for name in ("seed", "iteration", "episodes", "robustness_mean"):
+    for name in ("seed", "iteration", "episodes", *PANELS):
         if curves[name].isna().any() or not pd.api.types.is_numeric_dtype(curves[name]):
             return f"{name} has a value that is not a number"
     counts = curves.groupby(["case", "seed"], sort=False)["iteration"].agg(["size", "max"])
-    (wrong,) = np.nonzero((counts["size"] != counts["size"].max()) | (counts["max"] + 1 != counts["size"]))
+    (wrong,) = np.nonzero(equal & (counts["size"] != counts["size"].max()) | (counts["max"] + 1 != counts["size"]))
     if len(wrong):
         case, seed = counts.index[wrong[0]]
         return f"{case} seed {seed} has not the iterations of the others"
     return None
 
 
-def plot_learning_curves(experiments: list[pd.DataFrame], path: Path) -> None:
-    """Robustness against iterations, one line per case and one panel per experiment, as path.png and path.pdf.
+def titled(folders: Sequence[Path], experiments: Sequence[pd.DataFrame]) -> dict[str, pd.DataFrame]:
+    """The curves of these folders, each under a title of its own: the task's name and, where it is another, the
+    experiment's; the whole path where those do not tell the folders apart."""
+    names = [folder.resolve().name for folder in folders]
+    tasks = [str(curves["task"].iloc[0]) for curves in experiments]
+    titles = [task if name == task else f"{task}: {name}" for task, name in zip(tasks, names, strict=True)]
+    if len(set(titles)) < len(titles):
+        titles = [f"{task}: {folder}" for task, folder in zip(tasks, folders, strict=True)]
+    return dict(zip(titles, experiments, strict=True))
 
-    Where the worst curves leave the satisfied ones no room, a second row of panels shows these again.
+
+def plot_learning_curves(experiments: Mapping[str, pd.DataFrame], path: Path) -> None:
+    """The figure of the learning curves, as path.png and path.pdf.
 
     Args:
-      experiments: their learning_curves.csv.
+      experiments: title => learning_curves.csv.
       path: without suffix.
     """
     with mpl.rc_context(FONT):
-        details = [_detail(curves) for curves in experiments]
-        rows, columns = 1 + any(details), len(experiments)
-        figure = Figure(figsize=(0.5 + 5.0 * columns, 1.4 + 2.7 * rows), layout="constrained")
-        notes = []
-        for column, (curves, detail) in enumerate(zip(experiments, details, strict=True), start=1):
-            axes = figure.add_subplot(rows, columns, column)
-            draw_learning_curves(axes, curves)
-            seeds, samples = curves["seed"].nunique(), curves["episodes"].min()
-            axes.set_title(str(curves["task"].iloc[0]))
-            notes.append(f"n = {seeds} seeds, {samples} sample trajectories per iteration")
-            if detail:
+        save(curves_figure(experiments), path)
+
+
+def curves_figure(experiments: Mapping[str, pd.DataFrame]) -> Figure:
+    """Robustness against iterations, one line per case and one column per experiment.
+
+    The rows: of the sampled trajectories; where the worst curves leave the satisfied ones no room, these again near 0;
+    of the mean policy, which is what trials and tables are about.
+
+    Args:
+      experiments: title => learning_curves.csv.
+    """
+    with mpl.rc_context(FONT):
+        near = {title: _near_zero(curves, "robustness_mean") for title, curves in experiments.items()}
+        rows, columns = 2 + any(near.values()), len(experiments)
+        figure = Figure(figsize=(0.5 + 5.0 * columns, 1.7 + 2.5 * rows), layout="constrained")
+        for column, (title, curves) in enumerate(experiments.items(), start=1):
+            above = figure.add_subplot(rows, columns, column)
+            draw_curves(above, curves, "robustness_mean")
+            above.set_title(f"{title}\n{PANELS['robustness_mean']}")
+            if limits := near[title]:
                 axes = figure.add_subplot(rows, columns, columns + column)
-                draw_learning_curves(axes, curves)
-                axes.set_ylim(detail)
+                draw_curves(axes, curves, "robustness_mean")
+                axes.set_ylim(limits)
                 axes.set_title("the same, near 0")
+            axes = figure.add_subplot(rows, columns, (rows - 1) * columns + column)
+            draw_curves(axes, curves, "robustness_policy")
+            axes.set_title(PANELS["robustness_policy"])
+            if limits := _near_zero(curves, "robustness_policy"):
+                axes.set_ylim(limits)
+                axes.set_title(f"{PANELS['robustness_policy']}, near 0")
         lines = {
             label: line for axes in figure.axes for line, label in zip(*axes.get_legend_handles_labels(), strict=True)
         }
@@ -114,68 +145,72 @@ def plot_learning_curves(experiments: list[pd.DataFrame], path: Path) -> None:
             ncols=2 if len(experiments) == 1 else 3,
             frameon=False,
         )
-        figure.supxlabel(
-            "\n".join(
-                [
-                    "; ".join(dict.fromkeys(notes)) + ".",
-                    "Thick: mean of the seeds; band: 95 % percentile bootstrap interval of the mean; thin: each seed.",
-                    "Robustness of the spec, of the sampled trajectories, whatever the case was trained on.",
-                ]
-            ),
-            fontsize=7,
-        )
-        save(figure, path)
+        figure.supxlabel("\n".join(_caption(list(experiments.values()))), fontsize=7)
+    return figure
 
 
-def _detail(curves: pd.DataFrame) -> tuple[float, float] | None:
-    """Limits of the panel near 0, if the curves need one."""
-    best, worst = curves["robustness_mean"].max(), curves["robustness_mean"].min()
+def _caption(experiments: Sequence[pd.DataFrame]) -> list[str]:
+    """What the figure shows, of how many seeds, and no more than it shows."""
+    counts = {int(curves.groupby("case")["seed"].nunique().max()) for curves in experiments}
+    samples = dict.fromkeys(int(curves["episodes"].min()) for curves in experiments)
+    seeds = " and ".join(f"{n} seed{'s' * (n > 1)}" for n in sorted(counts))
+    lines = [f"{seeds}; {' and '.join(map(str, samples))} sample trajectories per iteration."]
+    if max(counts) > 1:
+        band = f"; band: {100 * LEVEL:.0f} % t interval of the mean" if max(counts) >= FEWEST else ""
+        some = f" (of {FEWEST} seeds or more)" if band and min(counts) < FEWEST else ""
+        lines.append(f"Thick: mean of the seeds; thin: each seed{band}{some}.")
+    lines.append("Robustness of the spec, in the unit of its predicates, whatever the case was trained on.")
+    return lines
+
+
+def _near_zero(curves: pd.DataFrame, measure: str) -> tuple[float, float] | None:
+    """Limits of a panel near 0, if the curves need one."""
+    best, worst = curves[measure].max(), curves[measure].min()
     return (-DETAIL * best, 1.15 * best) if 0 < NEEDED * best < -worst else None
 
 
+def stem(path: Path) -> Path:
+    """The path of a picture without the suffix of its kind: fig for fig.png, and figure_3.3 for figure_3.3.
+
+    Raises:
+      UserError: if the suffix is that of a kind in which no picture is written.
+    """
+    suffix = path.suffix.lower()
+    if suffix in FORMATS:
+        return path.with_suffix("")
+    if suffix[1:] in Figure().canvas.get_supported_filetypes():
+        raise UserError(f"{path}: pictures are written as {' and '.join(FORMATS)}; give the path without {path.suffix}")
+    return path
+
+
 def save(figure: Figure, path: Path) -> None:
-    """path.png and path.pdf, the same bytes for the same figure; a suffix of these that `path` has is not doubled."""
-    stem = path.with_suffix("") if path.suffix in FORMATS else path
-    stem.parent.mkdir(parents=True, exist_ok=True)
+    """path.png and path.pdf, the same bytes for the same figure."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     for suffix, metadata in FORMATS.items():
         buffer = io.BytesIO()
         figure.savefig(buffer, format=suffix[1:], dpi=200, metadata=metadata)
-        write_bytes(stem.with_name(stem.name + suffix), buffer.getvalue())
+        write_bytes(path.with_name(path.name + suffix), buffer.getvalue())
 
 
-def draw_learning_curves(axes: mpl.axes.Axes, curves: pd.DataFrame) -> None:
-    """Mean, band and every seed of each case's robustness_mean, on the given axes."""
+def draw_curves(axes: mpl.axes.Axes, curves: pd.DataFrame, measure: str) -> None:
+    """Mean, band and every seed of a column of each case, on the given axes; a gap where a value is infinite."""
     for case, rows in curves.groupby("case", sort=False):
         style = STYLES.get(str(case), {})
-        by_seed = rows.pivot(index="iteration", columns="seed", values="robustness_mean")
-        values = by_seed.where(np.isfinite(by_seed)).to_numpy()  # a gap where a mean is infinite
-        axes.plot(by_seed.index, values, linewidth=0.4, alpha=0.5, color=style.get("color"))
+        by_seed = rows.pivot(index="iteration", columns="seed", values=measure)
+        values = by_seed.where(np.isfinite(by_seed)).to_numpy()
         if values.shape[1] > 1:
-            low, high = bootstrap_band(values)
+            axes.plot(by_seed.index, values, linewidth=0.6, alpha=0.55, color=style.get("color"))
+        low, high = mean_interval(values)
+        if np.isfinite(low).any():
             axes.fill_between(by_seed.index, low, high, alpha=0.18, linewidth=0, color=style.get("color"))
         axes.plot(by_seed.index, values.mean(axis=1), linewidth=1.6, label=LABELS.get(str(case), str(case)), **style)
     axes.axhline(0.0, color="0.5", linewidth=0.8, zorder=0)
     axes.annotate(
         "above 0: satisfied", (0.0, 0.0), xycoords=("axes fraction", "data"), xytext=(4, 2),
-        textcoords="offset points", ha="left", va="bottom", fontsize=7, color="0.3",
+        textcoords="offset points", ha="left", va="bottom", fontsize=7, color="0.3", zorder=5,
+        bbox={"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.7},
     )  # fmt: skip
     axes.set_xlabel("iteration")
-    axes.set_ylabel("robustness (m)")
+    axes.set_ylabel("robustness")
     axes.margins(x=0)
     axes.spines[["top", "right"]].set_visible(False)
-
-
-def bootstrap_band(values: Array) -> tuple[Array, Array]:
-    """95 % percentile bootstrap interval of the mean over the columns: (T, seeds) => two of shape (T,).
-
-    NaN where a value is.
-    """
-    band = np.full((2, len(values)), np.nan)
-    known = np.isfinite(values).all(axis=1)
-    if known.any():
-        interval = bootstrap(
-            (values[known].T,), np.mean, axis=0, vectorized=True, n_resamples=RESAMPLES, method="percentile",
-            batch=max(1, BATCH // values.size), rng=np.random.default_rng(0),
-        ).confidence_interval  # fmt: skip
-        band[:, known] = interval.low, interval.high
-    return band[0], band[1]

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,21 +11,30 @@ import pandas as pd
 from scipy.stats import binomtest
 
 from tltlrl.logic.reasons import from_json, merge
-from tltlrl.reports.plotting import FORMATS, plot_learning_curves
+from tltlrl.reports.interval import FEWEST, LEVEL, Array, mean_interval
+from tltlrl.reports.plotting import FORMATS, plot_learning_curves, titled
 from tltlrl.simulation.motion import MEASURES
 from tltlrl.store.files import write_text
-from tltlrl.store.layout import CURVES, FIGURE, PROGRESS, REPORT, SUMMARY, SUMMARY_PAGE, WORKSPACE, run_of
+from tltlrl.store.layout import (
+    CALM_WORKSPACE,
+    CURVES,
+    FIGURE,
+    PROGRESS,
+    REPORT,
+    SUMMARY,
+    SUMMARY_PAGE,
+    WORKSPACE,
+    run_of,
+)
+from tltlrl.store.run import joined
 from tltlrl.tasks.task import Task
 from tltlrl.training.build import make_task
-from tltlrl.training.calm import SHARE
 from tltlrl.training.study import Study
-
-CALM = "calm_"  # before the names of the columns of calm motions
 
 
 def write_report(
     folder: Path, study: Study, finished: Mapping[Path, Mapping[str, Any]], failures: Mapping[str, str]
-) -> None:
+) -> list[str]:
     """Writes every table and figure from the finished runs' files; what failed is listed.
 
     If no run has finished, tables and figures of an earlier time, whose runs are there no more, are deleted.
@@ -37,31 +44,24 @@ def write_report(
       study: what was asked for.
       finished: folder of a run => its results, in the order of the tables.
       failures: run => message.
+
+    Returns:
+      What came out, in a few lines.
     """
     if not finished:
         for name in (CURVES, SUMMARY, REPORT, *(f"{FIGURE}{suffix}" for suffix in FORMATS)):
             (folder / name).unlink(missing_ok=True)
         lines = [f"# {study.name}", "", "No run has finished.", *_failure_lines(failures)]
         write_text(folder / SUMMARY_PAGE, "\n".join(lines) + "\n")
-        return
-    write_text(folder / CURVES, joined([(path / PROGRESS).read_text() for path in finished]))
+        return ["no run has finished"]
+    write_text(folder / CURVES, joined([(path / PROGRESS).read_text(encoding="utf-8") for path in finished]))
     curves = pd.read_csv(folder / CURVES)
     summary = summarise(curves, finished)
     write_text(folder / SUMMARY, summary.to_csv(index=False, lineterminator="\n"))
     write_text(folder / SUMMARY_PAGE, summary_page(study, summary, failures))
     write_text(folder / REPORT, report_page(study, summary, finished, failures))
-    plot_learning_curves([curves], folder / FIGURE)
-
-
-def joined(tables: Sequence[str]) -> str:
-    """CSV texts as one: a column that some do not have, as another learner's diagnostics, is empty in their rows."""
-    rows = [row for table in tables for row in csv.DictReader(io.StringIO(table))]
-    columns = dict.fromkeys(name for table in tables for name in table.split("\n", 1)[0].split(","))
-    text = io.StringIO()
-    writer = csv.DictWriter(text, columns, restval="", lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()
+    plot_learning_curves(titled([folder], [curves]), folder / FIGURE)
+    return [*outcome_lines(summary), f"report: {folder / REPORT}"]
 
 
 def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) -> pd.DataFrame:
@@ -72,7 +72,6 @@ def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) 
       outcomes: folder of the run => its done.json, in the order of the rows.
     """
     rows = []
-    asked = any("calm" in done for done in outcomes.values())
     runs = curves.groupby(["case", "seed"], sort=False)
     for path, done in outcomes.items():
         case, seed = run_of(path)
@@ -89,28 +88,38 @@ def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) 
                 "robustness_mean_last": run["robustness_mean"].iloc[-1],
                 "robustness_mean_over_run": run["robustness_mean"].mean(),
                 **{name: done.get("motion", {}).get(name) for name in MEASURES},  # results of 0.1 have none
-                **(_of_calm(done.get("calm") or {}) if asked else {}),
                 "trials": done["trials"],
                 "successes": done["successes"],
                 "success_rate": done["successes"] / done["trials"],
                 **done["outcomes"],
             }
         )
-    kinds = {name: "float64" for name in rows[0] if name.removeprefix(CALM) in MEASURES}
-    kinds |= {name: "Int64" for name in rows[0] if name in (f"{CALM}episodes", f"{CALM}successes")}
-    return pd.DataFrame(rows).astype({"first_satisfied_iteration": "Int64"} | kinds)
+        if "calm" in done:
+            calm = done["calm"]
+            rows[-1] |= {f"calm_{name}": calm[name] for name in CALM_COLUMNS}
+            rows[-1] |= {f"calm_{name}": calm["motion"][name] for name in MEASURES}
+            rows[-1] |= {f"calm_{name}": value for name, value in calm["outcomes"].items()}
+    return pd.DataFrame(rows).astype({"first_satisfied_iteration": "Int64"} | dict.fromkeys(MEASURES, "float64"))
 
 
-def _of_calm(done: Mapping[str, Any]) -> dict[str, Any]:
-    """The columns of a calm motion; empty ones where there is none, as the learned one violates the spec."""
-    values = {name: done.get(name) for name in ("episodes", "robustness_policy", "successes")}
-    values |= done.get("outcomes", {}) | {name: done.get("motion", {}).get(name) for name in MEASURES}
-    return {f"{CALM}{name}": value for name, value in values.items()}
+def outcome_lines(summary: pd.DataFrame) -> list[str]:
+    """What came out, one line per case; of several seeds the median robustness, with the lowest and the highest."""
+    lines = []
+    for case, rows in summary.groupby("case", sort=False):
+        policy = rows["robustness_policy"]
+        spread = f", {policy.min():.3f} to {policy.max():.3f}" if len(rows) > 1 else ""
+        lines.append(
+            f"{case}: satisfied {rows['satisfied'].sum()} of {len(rows)}; robustness {policy.median():.3f}{spread}; "
+            f"trials {rows['successes'].sum()} of {rows['trials'].sum()}"
+        )
+    return lines
 
 
 def summary_page(study: Study, summary: pd.DataFrame, failures: Mapping[str, str]) -> str:
     """summary.md: one line per case."""
     judged = _judged(summary)
+    enough = summary["seed"].nunique() >= FEWEST
+    interval = f" ({100 * LEVEL:.0f} % t interval)" if enough else ""
     lines = [
         f"# {study.name}",
         "",
@@ -119,7 +128,7 @@ def summary_page(study: Study, summary: pd.DataFrame, failures: Mapping[str, str
         "Robustness is that of the spec for every case, whatever it was trained on; above 0 the spec is satisfied.",
         "",
         "| case | satisfied | robustness of the mean policy, median (min to max) | first satisfied iteration, median "
-        "| robustness of samples, last iteration | successful trials |"
+        f"| robustness of samples, last iteration, mean{interval} | successful trials |"
         + "".join(f" trials with {name.replace('_', ' ')} |" for name in judged),
         "|---|---|---|---|---|---|" + "---|" * len(judged),
     ]
@@ -130,7 +139,7 @@ def summary_page(study: Study, summary: pd.DataFrame, failures: Mapping[str, str
             f"| {case} | {rows['satisfied'].sum()} of {len(rows)} "
             f"| {policy.median():.3f} ({policy.min():.3f} to {policy.max():.3f}) "
             f"| {f'{first:.0f}' if np.isfinite(first) else 'never'} "
-            f"| {rows['robustness_mean_last'].mean():.3f} "
+            f"| {_mean(rows['robustness_mean_last'].to_numpy())} "
             f"| {rows['successes'].sum()} of {rows['trials'].sum()} |"
             + "".join(f" {rows[name].sum()} of {rows['trials'].sum()} |" for name in judged)
         )
@@ -163,6 +172,7 @@ def report_page(
 def picture_lines(task: Task, finished: Mapping[Path, Mapping[str, Any]]) -> list[str]:
     """The workspace pictures of the cases, for tasks that have them."""
     cases = dict.fromkeys(run_of(path)[0] for path in finished)
+    calm = {run_of(path)[0] for path, done in finished.items() if "calm" in done}
     if task.skeleton is None:
         return []
     return [
@@ -172,45 +182,62 @@ def picture_lines(task: Task, finished: Mapping[Path, Mapping[str, Any]]) -> lis
         "Of each case the seed with the median robustness of the mean policy.",
         "",
         *(f"![{case}]({case}/{WORKSPACE}.png)" for case in cases),
+        *(f"![{case}, calm]({case}/{CALM_WORKSPACE}.png)" for case in cases if case in calm),
     ]
 
 
 def motion_lines(summary: pd.DataFrame) -> list[str]:
-    """How the learned policies move, and the calm ones: of every case the median of each measure over the seeds."""
+    """How the learned policies move: of every case the median of each measure over the seeds."""
     known = [name for name in MEASURES if summary[name].notna().any()]
     if not known:
         return []
-    heads = {name: name.replace("_", " ").replace("rms", "RMS") for name in known}
-    shown = ["robustness_policy", *known]
     lines = [
         "",
         "## How the learned policies move",
         "",
         "Of the noise-free motion of the mean policy, the median over the seeds.",
         "",
-        "| case | robustness | successful trials |" + "".join(f" {heads[name]} |" for name in known),
-        "|---" * (3 + len(known)) + "|",
+        "| case |" + "".join(f" {name.replace('_', ' ').replace('rms', 'RMS')} |" for name in known),
+        "|---" * (1 + len(known)) + "|",
     ]
     for case, rows in summary.groupby("case", sort=False):
-        lines.append(f"| {case} | {_medians(rows, rows['successes'], shown)}")
-        if f"{CALM}episodes" in rows and (calm := rows[rows[f"{CALM}episodes"].notna()]).size:
-            medians = _medians(calm, calm[f"{CALM}successes"], [f"{CALM}{name}" for name in shown])
-            lines.append(f"| {case}, calm | {medians}")
-    if f"{CALM}episodes" in summary:
-        episodes = summary[f"{CALM}episodes"]
-        lines += [
-            "",
-            f"Calm: the learned motion, simplified afterwards by shortcuts that keep its robustness above {SHARE:.0%} "
-            f"of what was learned; {episodes.count()} of {len(summary)} could be, with "
-            f"{episodes.median():.0f} more episodes each (median)."
-        ]  # fmt: skip
-    return [*lines, "", *(f"- {heads[name]}: {MEASURES[name]}" for name in known)]
+        for label, prefix in ((case, ""), (f"{case}, calm", "calm_")):
+            if prefix and ("calm_successes" not in rows or rows["calm_successes"].isna().all()):
+                continue
+            values = (rows[f"{prefix}{name}"].astype(float).median() for name in known)
+            cells = "".join(f" {value:.3g} |" if np.isfinite(value) else "  |" for value in values)
+            lines.append(f"| {label} |{cells}")
+    units = (f"- {name.replace('_', ' ').replace('rms', 'RMS')}: {MEASURES[name]}" for name in known)
+    return [*lines, "", *units, *_calm_lines(summary)]
 
 
-def _medians(rows: pd.DataFrame, successes: pd.Series, names: Sequence[str]) -> str:
-    """Cells: the median robustness, successful trials, the medians of what else is named."""
-    first, *others = (f"{value:.3g}" if np.isfinite(value) else "" for value in (rows[name].median() for name in names))
-    return " | ".join([first, f"{successes.sum()} of {rows['trials'].sum()}", *others]) + " |"
+def _calm_lines(summary: pd.DataFrame) -> list[str]:
+    """What the calm policies are worth, if there are any: nothing that is said of the learned ones counts them."""
+    if "calm_successes" not in summary:
+        return []
+    judged = _judged(summary)
+    lines = [
+        "",
+        "Calm policies follow the learned motion simplified (`algorithm.calm`); the learned ones stay as they are, and "
+        "everything else on this page is of those.",
+        "",
+        "| case, calm | satisfied | robustness, median (min to max) | share of the learned one, least "
+        "| successful trials |"
+        + "".join(f" trials with {name.replace('_', ' ')} |" for name in judged)
+        + " episodes it took, median |",
+        "|---" * (6 + len(judged)) + "|",
+    ]
+    for case, rows in summary[summary["calm_successes"].notna()].groupby("case", sort=False):
+        worth = rows["calm_robustness_policy"].astype(float)
+        lines.append(
+            f"| {case} | {int(rows['calm_satisfied'].sum())} of {len(rows)} "
+            f"| {worth.median():.3f} ({worth.min():.3f} to {worth.max():.3f}) "
+            f"| {(worth / rows['robustness_policy']).min():.2f} "
+            f"| {int(rows['calm_successes'].sum())} of {rows['trials'].sum()} |"
+            + "".join(f" {int(rows[f'calm_{name}'].sum())} of {rows['trials'].sum()} |" for name in judged)
+            + f" {rows['calm_episodes'].median():.0f} |"
+        )
+    return lines
 
 
 def trial_lines(summary: pd.DataFrame, finished: Mapping[Path, Mapping[str, Any]], timestep: float) -> list[str]:
@@ -251,6 +278,8 @@ def bottleneck_lines(finished: Mapping[Path, Mapping[str, Any]], timestep: float
     return ["", "## What holds the failed policies back", "", *lines, "", f"Listed: {HOW_DECIDED}"]
 
 
+CALM_COLUMNS = ("robustness_policy", "satisfied", "successes", "episodes", "env_steps")
+
 HOW_DECIDED = (
     "the predicate whose margin at that step is the robustness, since min and max select; `!(...)` where the "
     "predicate should not hold; then the named sub-formula that it stands in."
@@ -259,7 +288,14 @@ HOW_DECIDED = (
 
 def _judged(summary: pd.DataFrame) -> list[str]:
     """What the task judges of a trial besides the spec."""
-    return list(summary.columns[list(summary.columns).index("success_rate") + 1 :])
+    after = list(summary.columns).index("success_rate") + 1
+    return [name for name in summary.columns[after:] if not name.startswith("calm_")]
+
+
+def _mean(values: Array) -> str:
+    """With its interval, where there are enough values for one."""
+    low, high = mean_interval(values)
+    return f"{values.mean():.3f}" + (f" ({low:.3f} to {high:.3f})" if np.isfinite(low) else "")
 
 
 def _rate(successes: Any, count: Any) -> str:

@@ -23,12 +23,17 @@ POSES = 6  # of the arm, evenly spread over the motion
 
 
 def draw_workspace(run: Run, policy: Policy, path: Path, count: int = 20) -> None:
-    """The learned motion in the plane, as path.png and path.pdf.
+    """The learned motion in the plane, as path.png and path.pdf; `path` is without suffix. See `workspace_figure`."""
+    with mpl.rc_context(FONT):
+        save(workspace_figure(run, policy, count), path)
+
+
+def workspace_figure(run: Run, policy: Policy, count: int = 20) -> Figure:
+    """The learned motion in the plane.
 
     Args:
       run: of a task that has a skeleton.
       policy: learned by the run.
-      path: without suffix.
       count: sampled paths, with the policy's remaining exploration and the actuators' noise.
     """
     task = make_task(run.task)
@@ -58,13 +63,13 @@ def draw_workspace(run: Run, policy: Policy, path: Path, count: int = 20) -> Non
         axes.set_ylabel("y (m)")
         axes.set_title(f"{task.name}: {LABELS.get(run.case.name, run.case.name)}, seed {run.seed}")
         figure.supxlabel(
-            f"Robustness of the mean motion {robustness:+.3f} m. Black: mean path of the end-effector (dot: start,\n"
+            f"Robustness of the mean motion {robustness:+.3f}. Black: mean path of the end-effector (dot: start,\n"
             f"square: end); grey: {count} paths sampled from the learned policy "
             f"(seed [{run.seed}, {run.algorithm.iterations}]).\n"
             f"Blue: {POSES} poses of the arm, later ones darker. Plain: to be in; hatched: to be kept out of.",
             fontsize=6.5,
         )
-        save(figure, path)
+    return figure
 
 
 def _draw_regions(axes: Axes, spec: Spec) -> None:

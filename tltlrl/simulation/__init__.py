@@ -2,3 +2,5 @@
 
 Nothing here learns or judges.
 """
+
+import tltlrl.tasks  # noqa: F401  # which chooses the renderer, before anything imports mujoco

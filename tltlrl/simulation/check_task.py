@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tltlrl.errors import UserError, nearest
-from tltlrl.simulation.rollout import Simulator, Trajectories
+from tltlrl.simulation.rollout import Simulator, Trajectories, substeps
 from tltlrl.tasks.environment import environment
 from tltlrl.tasks.task import MOST_STEPS, Quantity, Task
 
@@ -147,12 +147,10 @@ def _make_physics(task: Task) -> Iterator[str]:
     model = task.make_physics().model.ptr
     if model.nu != _commands(task):
         yield f"the model has {model.nu} actuators, the task {_commands(task)} commands"
-    substeps = task.control_timestep / model.opt.timestep
-    if round(substeps) < 1 or abs(substeps - round(substeps)) > 1e-6:
-        yield (
-            f"the control timestep of {task.control_timestep} s is no multiple of the model's, "
-            f"{model.opt.timestep} s; change one of them"
-        )
+    try:
+        substeps(task, model.opt.timestep)
+    except UserError as error:
+        yield str(error)
 
 
 def _initial_state(task: Task) -> Iterator[str]:

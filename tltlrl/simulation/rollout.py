@@ -13,9 +13,28 @@ import mujoco.rollout
 import numpy as np
 from numpy.typing import NDArray
 
+from tltlrl.errors import UserError
 from tltlrl.tasks.task import Task, draw_command_noise
 
 Array = NDArray[np.float64]
+HUGE = mujoco.mjMAXVAL  # of a position, velocity or control; MuJoCo would reset the one and leave out the other
+ROUNDING = 1e-6  # of a quotient of times
+
+
+def substeps(task: Task, timestep: float) -> int:
+    """Steps of the model, of `timestep` seconds each, in one control step.
+
+    Raises:
+      UserError: if that is no whole number.
+    """
+    quotient = task.control_timestep / timestep
+    count = round(quotient)
+    if count < 1 or abs(quotient - count) > ROUNDING:
+        raise UserError(
+            f"the control timestep of {task.control_timestep} s is no multiple of the model's, {timestep} s; change "
+            "one of them"
+        )
+    return count
 
 
 @dataclass(frozen=True)
@@ -46,7 +65,8 @@ class Simulator:
         self._model = self._physics.model.ptr
         self._data = mujoco.MjData(self._model)
         self._rollout = mujoco.rollout.Rollout(nthread=0)
-        self._substeps = round(task.control_timestep / self._model.opt.timestep)
+        self._substeps = substeps(task, self._model.opt.timestep)
+        self._model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # what diverges is seen to diverge
         qpos, qvel = task.initial_state()
         self._data.qpos[:], self._data.qvel[:] = qpos, qvel
         self._start = np.empty(mujoco.mj_stateSize(self._model, mujoco.mjtState.mjSTATE_FULLPHYSICS.value))
@@ -76,17 +96,18 @@ class Simulator:
         Raises:
           FloatingPointError: if the simulation diverged, naming the first trajectory and step that did.
         """
-        task, substeps = self._task, self._substeps
+        task, count = self._task, self._substeps
         n, steps, d = offsets.shape
         nq, nv = self._model.nq, self._model.nv
         features = np.empty((steps, n, task.width))
         commands = offsets.transpose(1, 0, 2).copy()  # the caller's stay as they are
         noise = np.ascontiguousarray(command_noise.transpose(1, 0, 2))
         state = np.tile(self._start, (n, 1))
-        control = np.empty((n, substeps, d))
-        states = np.empty((n, substeps, self._start.size))
-        sensors = np.empty((n, substeps, self._model.nsensordata))
+        control = np.empty((n, count, d))
+        states = np.empty((n, count, self._start.size))
+        sensors = np.empty((n, count, self._model.nsensordata))
         models, data = [self._model] * n, [self._data]
+        sound = np.ones((steps, n), dtype=np.bool_)
         transposed_gain = np.ascontiguousarray(gain.T)
         for t in range(steps):
             features[t] = task.features(state[:, 1 : 1 + nq], state[:, 1 + nq : 1 + nq + nv])
@@ -99,19 +120,22 @@ class Simulator:
                 data,
                 state,
                 control,
-                nstep=substeps,
+                nstep=count,
                 skip_checks=True,
                 state=states,
                 sensordata=sensors,
             )
             state[:] = states[:, -1]
+            # MuJoCo leaves out the rest of a control step in which something went wrong, and a control that is huge.
+            late = np.abs(state[:, 0] - self._start[0] - (t + 1) * task.control_timestep) > ROUNDING * (t + 1)
+            sound[t + 1] = (np.abs(state) < HUGE).all(axis=1) & (np.abs(control[:, 0]) < HUGE).all(axis=1) & ~late
         # Whoever ended early was simulated to the end all the same, and is cut here.
         ended = task.terminated(features.reshape(steps * n, -1)).reshape(steps, n)
         lengths = np.where(ended.any(axis=0), ended.argmax(axis=0) + 1, steps)
         for i in np.flatnonzero(lengths < steps):
             features[lengths[i] :, i] = features[lengths[i] - 1, i]
         finite = np.isfinite(features).all(axis=2) & np.isfinite(commands).all(axis=2)
-        wrong = ~finite & (np.arange(steps)[:, None] < lengths)
+        wrong = ~(finite & sound) & (np.arange(steps)[:, None] < lengths)
         if wrong.any():
             t, i = np.argwhere(wrong)[0]
             raise FloatingPointError(f"the simulation of {task.name} diverged: trajectory {i}, step {t}")

@@ -77,5 +77,10 @@ def write_arrays(path: Path, **arrays: Any) -> None:
 
 def read_arrays(path: Path) -> dict[str, np.ndarray]:
     """The arrays of an .npz archive; never unpickles."""
-    with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
+    return arrays_in(path.read_bytes())
+
+
+def arrays_in(content: bytes) -> dict[str, np.ndarray]:
+    """The same of the bytes of such an archive."""
+    with np.load(io.BytesIO(content), allow_pickle=False) as archive:
         return {name: archive[name] for name in archive.files}

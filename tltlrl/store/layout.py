@@ -10,7 +10,14 @@ from __future__ import annotations
 from pathlib import Path
 
 # Of an experiment.
-CONFIG, MANIFEST, SPECS, LOG, LOCK = "config.yaml", "manifest.json", "specs", "log.txt", ".lock"
+CONFIG, MANIFEST, SPECS, START, LOG, LOCK = (
+    "config.yaml",
+    "manifest.json",
+    "specs",
+    "start.npz",
+    "log.txt",
+    ".lock",
+)
 CURVES, SUMMARY, SUMMARY_PAGE, REPORT, FIGURE = (
     "learning_curves.csv",
     "summary.csv",
@@ -19,15 +26,17 @@ CURVES, SUMMARY, SUMMARY_PAGE, REPORT, FIGURE = (
     "learning_curves",
 )
 # Of a case.
-WORKSPACE = "workspace"
+WORKSPACE, CALM_WORKSPACE = "workspace", "workspace_calm"
 # Of a run.
-PROGRESS, TIMING, POLICY, CALM, DONE, CHECKPOINT = (
+PROGRESS, TIMING, POLICY, CALM, DONE, CHECKPOINT, CALM_CHECKPOINT, LAST = (
     "progress.csv",
     "timing.csv",
     "policy.npz",
     "calm.npz",
     "done.json",
     "checkpoint.npz",
+    "calm_checkpoint.npz",
+    "last.npz",
 )
 # Of a search.
 SEARCH, JOURNAL, TRIALS = "search.yaml", "journal.log", "trials.csv"

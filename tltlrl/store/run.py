@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tltlrl.store.files import digest, read_arrays, write_arrays, write_json
-from tltlrl.store.layout import CALM, CHECKPOINT, DONE, POLICY, PROGRESS, TIMING
+from tltlrl.store.layout import CALM, CALM_CHECKPOINT, CHECKPOINT, DONE, LAST, POLICY, PROGRESS, TIMING, run_of
 
 SEAL, RUN = "sha256", "run"  # keys of done.json
 STATE = "state."  # before the names of the learner's arrays in checkpoint.npz
@@ -46,21 +48,22 @@ def write_results(
     results: Mapping[str, Any],
     calm: Mapping[str, NDArray[np.generic]] | None = None,
 ) -> None:
-    """policy.npz, calm.npz if there is one and, last, done.json: the results and the seal of everything they belong to.
+    """policy.npz, calm.npz and, last, done.json: the results and the seal of everything they belong to.
 
     Args:
       folder: of the run, with its whole progress.csv.
       identity: of the run; see `tltlrl.training.study.Run.identity`.
       policy: the arrays of the learned one.
       results: plain data.
-      calm: the arrays of the policy of the calm motion, if there is one.
+      calm: the arrays of its calm policy, if it has one.
     """
     write_arrays(folder / POLICY, **policy)
-    (folder / CALM).unlink(missing_ok=True)
-    if calm is not None:
+    if calm is None:
+        (folder / CALM).unlink(missing_ok=True)
+    else:
         write_arrays(folder / CALM, **calm)
     write_json(folder / DONE, {**results, SEAL: _seals(folder, identity, results)})
-    drop_checkpoint(folder)
+    shelve_checkpoint(folder)
 
 
 def read_results(folder: Path, identity: str) -> dict[str, Any] | None:
@@ -92,16 +95,17 @@ def read_results(folder: Path, identity: str) -> dict[str, Any] | None:
 
 
 def _seals(folder: Path, identity: str, results: Mapping[str, Any]) -> dict[str, str]:
-    files = [PROGRESS, POLICY, *([CALM] if results.get("calm") else [])]
     return {
         RUN: identity,
         DONE: digest(json.dumps(results, sort_keys=True).encode()),
-        **{name: digest((folder / name).read_bytes()) for name in files},
+        PROGRESS: digest((folder / PROGRESS).read_bytes()),
+        POLICY: digest((folder / POLICY).read_bytes()),
+        **({CALM: digest((folder / CALM).read_bytes())} if results.get("calm") else {}),
     }
 
 
 def read_policy(folder: Path, name: str = POLICY) -> dict[str, NDArray[np.generic]]:
-    """The arrays of a policy of a finished run, policy.npz or calm.npz.
+    """The arrays of policy.npz, or of calm.npz, of a finished run.
 
     Raises:
       DamagedError: if it cannot be read.
@@ -112,9 +116,29 @@ def read_policy(folder: Path, name: str = POLICY) -> dict[str, NDArray[np.generi
         raise DamagedError(f"{name} cannot be read ({error})") from error
 
 
+def write_calm_checkpoint(folder: Path, identity: str, state: Mapping[str, NDArray[np.generic]]) -> None:
+    """calm_checkpoint.npz: how far the motion of a learned policy is simplified.
+
+    Args:
+      folder: of the run.
+      identity: of the run and of the learned policy.
+      state: name => array.
+    """
+    write_arrays(folder / CALM_CHECKPOINT, sha256=digest(identity.encode()), **state)
+
+
+def read_calm_checkpoint(folder: Path, identity: str) -> dict[str, NDArray[np.generic]] | None:
+    """What `write_calm_checkpoint` was given; None if there is nothing of this run and policy that can be read."""
+    try:
+        saved = read_arrays(folder / CALM_CHECKPOINT)
+        return saved if str(saved.pop("sha256")) == digest(identity.encode()) else None
+    except UNREADABLE:  # it begins again, and comes to the same
+        return None
+
+
 def write_checkpoint(folder: Path, identity: str, checkpoint: Checkpoint) -> None:
     """checkpoint.npz, sealed together with the rows of progress.csv so far, which must be in the file."""
-    rows = (folder / PROGRESS).read_bytes()
+    rows = first_rows(folder / PROGRESS, checkpoint.iteration)
     state = {f"{STATE}{name}": array for name, array in checkpoint.state.items()}
     write_arrays(
         folder / CHECKPOINT,
@@ -125,16 +149,20 @@ def write_checkpoint(folder: Path, identity: str, checkpoint: Checkpoint) -> Non
     )
 
 
-def read_checkpoint(folder: Path, identity: str) -> Checkpoint | None:
-    """Where an unfinished run is resumed; None if it starts from the beginning.
+def read_checkpoint(folder: Path, identity: str, name: str = CHECKPOINT) -> Checkpoint | None:
+    """Where a run is resumed; None if it starts from the beginning.
+
+    Args:
+      folder, identity: of the run.
+      name: of the file; `LAST` for where a finished run goes on if it is given more iterations.
 
     Raises:
       DamagedError: if there is a checkpoint that a run cannot be resumed from.
     """
-    if not (folder / CHECKPOINT).exists():
+    if not (folder / name).exists():
         return None
     try:
-        saved = read_arrays(folder / CHECKPOINT)
+        saved = read_arrays(folder / name)
         iteration = int(saved["iteration"])
         state = {name.removeprefix(STATE): array for name, array in saved.items() if name.startswith(STATE)}
         rows = first_rows(folder / PROGRESS, iteration)
@@ -143,12 +171,28 @@ def read_checkpoint(folder: Path, identity: str) -> Checkpoint | None:
             raise ValueError(f"the rows of {PROGRESS} are not those it was written with")
         return Checkpoint(iteration, int(saved["env_steps"]), state)
     except UNREADABLE as error:
-        raise DamagedError(f"a run cannot be resumed from its {CHECKPOINT} ({error})") from error
+        raise DamagedError(f"a run cannot be resumed from its {name} ({error})") from error
+
+
+def shelve_checkpoint(folder: Path) -> None:
+    """A finished run keeps its last checkpoint under another name, in case it is given more iterations."""
+    if (folder / CHECKPOINT).exists():
+        (folder / CHECKPOINT).replace(folder / LAST)
+    (folder / CALM_CHECKPOINT).unlink(missing_ok=True)
+
+
+def iterations_done(folder: Path) -> int | None:
+    """Of a finished run; None if it is not finished, or done.json cannot be read."""
+    try:
+        return int(json.loads((folder / DONE).read_text(encoding="utf-8"))["iterations"])
+    except UNREADABLE:
+        return None
 
 
 def drop_checkpoint(folder: Path) -> None:
-    """Deletes checkpoint.npz, if there is one."""
+    """Deletes the checkpoints, if there are any."""
     (folder / CHECKPOINT).unlink(missing_ok=True)
+    (folder / CALM_CHECKPOINT).unlink(missing_ok=True)
 
 
 def first_rows(path: Path, count: int) -> bytes:
@@ -161,3 +205,35 @@ def first_rows(path: Path, count: int) -> bytes:
     if len(lines) <= count:
         raise ValueError(f"{path.name} has fewer rows")
     return b"".join(lines[: count + 1])
+
+
+def going_on(folder: Path) -> list[Path]:
+    """The folders of all runs of an experiment that have begun, if one of them has not ended; else none."""
+    begun = sorted((path.parent for path in folder.glob(f"*/seed_*/{PROGRESS}")), key=run_of)
+    return begun if any(not (run / DONE).exists() for run in begun) else []
+
+
+def robustness_so_far(folder: Path) -> float | None:
+    """Of the mean policy, in the last row that the run has written; None if it has written none."""
+    try:
+        rows = list(csv.DictReader(io.StringIO(whole_lines(folder / PROGRESS))))
+        return float(rows[-1]["robustness_policy"])
+    except (OSError, ValueError, KeyError, IndexError):
+        return None
+
+
+def whole_lines(path: Path) -> str:
+    """A CSV file that may just be written to, without the line that is not whole yet."""
+    text, end, _ = path.read_text(encoding="utf-8").rpartition("\n")
+    return text + end
+
+
+def joined(tables: Sequence[str]) -> str:
+    """CSV texts as one: a column that some do not have, as another learner's diagnostics, is empty in their rows."""
+    rows = [row for table in tables for row in csv.DictReader(io.StringIO(table))]
+    columns = dict.fromkeys(name for table in tables for name in table.split("\n", 1)[0].split(","))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()

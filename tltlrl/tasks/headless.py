@@ -5,24 +5,41 @@ from __future__ import annotations
 import importlib
 import os
 import sys
+import warnings
 
 VARIABLE = "MUJOCO_GL"
+OFF = "disable"
 
 
 def choose_renderer() -> None:
-    """Sets MUJOCO_GL to the first renderer that loads on a machine without a display; rendering off if none does.
+    """Sets MUJOCO_GL to the first renderer that loads, the user's own choice before any other; off if none does.
 
-    Left alone where the user has set it, or where there is a display. dm_control's own choice would be GLFW, which
-    imports without a display but cannot render.
+    Without a choice dm_control would take GLFW, which imports but cannot render without a display, or behind a DISPLAY
+    that nobody serves any more; and with a choice that does not load, nothing could be imported at all.
     """
-    if VARIABLE in os.environ or sys.platform != "linux" or os.environ.get("DISPLAY"):
+    asked = os.environ.get(VARIABLE)
+    if not asked and sys.platform != "linux":
         return
-    for backend in ("egl", "osmesa", "disable"):
-        os.environ[VARIABLE] = backend
-        try:
+    windowed = ["glfw"] if os.environ.get("DISPLAY") else []
+    backends = dict.fromkeys([*([asked] if asked else windowed), "egl", "osmesa", OFF])
+    taken = next(backend for backend in backends if _loads(backend))
+    if asked and taken != asked:
+        warnings.warn(f"{VARIABLE}={asked} cannot be used on this machine; {taken} is taken", stacklevel=2)
+
+
+def _loads(backend: str) -> bool:
+    os.environ[VARIABLE] = backend
+    if backend == OFF:
+        return True
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # GLFW's, of a display that does not answer
             importlib.import_module("dm_control._render")
-        except (ImportError, AttributeError, OSError):  # no library, or no device behind it
-            for name in [name for name in sys.modules if name.startswith("dm_control._render")]:
-                del sys.modules[name]
-        else:
-            return
+            if backend != "glfw" or importlib.import_module("glfw").init():
+                return True
+    except (ImportError, AttributeError, OSError, RuntimeError):  # no library, no device behind it, or no such word
+        pass
+    for name in [name for name in sys.modules if name.startswith(("dm_control._render", "OpenGL"))]:
+        del sys.modules[name]
+    os.environ.pop("PYOPENGL_PLATFORM", None)  # set by the attempt, and the next one would keep to it
+    return False

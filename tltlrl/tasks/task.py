@@ -208,6 +208,6 @@ def required_constants(constants: Mapping[str, Any], **kinds: type) -> list[Any]
     if missing:
         raise UserError(
             f"spec: the hand-made rewards need its constants {', '.join(missing)}; it has "
-            f"{', '.join(constants) or 'none'}. Define them, or train on the spec alone: cases=[tltl_episodic]"
+            f"{', '.join(constants) or 'none'}. Define them, or train on the spec alone: cases=tltl_episodic"
         )
     return [constants[name] for name in kinds]

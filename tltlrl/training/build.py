@@ -6,6 +6,7 @@ Here the parts of a study meet, so here are the rules that need two of them.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +21,8 @@ from tltlrl.logic import Spec
 from tltlrl.registry import LEARNERS, TASKS
 from tltlrl.simulation.rollout import Simulator
 from tltlrl.simulation.trials import mean_motion
+from tltlrl.store.files import arrays_in
+from tltlrl.store.run import UNREADABLE
 from tltlrl.tasks.task import StepReward, Task
 from tltlrl.training.study import TLTL, AlgorithmConfig, Run, Stage, Study
 
@@ -35,12 +38,40 @@ class Setup:
       simulator: of that task.
       reward: the hand-made reward it is trained on; None for the spec's robustness.
       learner: what improves the policy.
+      told: the spec whose values the learner is told: the run's own, or that one with its predicates normalised.
     """
 
     task: Task
     simulator: Simulator
     reward: StepReward | None
     learner: Learner[Any]
+    told: Spec
+
+
+@dataclass(frozen=True)
+class Samples:
+    """What is simulated in one iteration.
+
+    Attributes:
+      policy: that the offsets were drawn from.
+      offsets: of the N samples and, last, those of the mean policy, shape (N + 1, T, d).
+      noise: of the actuators, likewise; none for the mean policy.
+    """
+
+    policy: Policy
+    offsets: Array
+    noise: Array
+
+
+def draw(run: Run, learner: Learner[Any], simulator: Simulator, state: Any, iteration: int) -> Samples:
+    """The samples of an iteration; they depend on its number, the seed and the learner's state alone."""
+    rng = np.random.default_rng([run.seed, iteration])
+    policy = learner.policy(state)
+    offsets = np.concatenate([learner.ask(state, run.algorithm.samples, rng), policy.mean[None]])
+    noise = np.concatenate(
+        [simulator.draw_command_noise(run.algorithm.samples, rng), np.zeros((1, *policy.mean.shape))]
+    )
+    return Samples(policy, offsets, noise)
 
 
 def set_up(run: Run) -> Setup:
@@ -50,7 +81,13 @@ def set_up(run: Run) -> Setup:
       UserError: if the spec lacks what the hand-made reward needs, or the learner's settings do not fit.
     """
     task = make_task(run.task)
-    return Setup(task, Simulator(task), make_reward(run), make_learner(run, run.stage(0)))
+    simulator, learner = Simulator(task), make_learner(run, run.stage(0))
+    told = run.spec
+    if run.algorithm.normalise:
+        drawn = draw(run, learner, simulator, learner.start(first_policy(task, run.algorithm)), 0)
+        motions = simulator.rollout(drawn.policy.gain, drawn.offsets, drawn.noise)
+        told = told.normalised(task.signals(motions.features, motions.commands), motions.lengths)
+    return Setup(task, simulator, make_reward(run), learner, told)
 
 
 def make_task(config: Any) -> Task:
@@ -99,18 +136,47 @@ def make_learner(run: Run, stage: Stage) -> Learner[Any]:
 
 
 def first_policy(task: Task, algorithm: AlgorithmConfig) -> Policy:
-    """u_t = u_ref_t + K (s_t - s_ref_t) + noise, about the task's reference motion."""
-    return policy_about(*task.reference(), task, algorithm)
+    """u_t = u_ref_t + K (s_t - s_ref_t) + noise, about the task's reference motion, or that of the policy given.
+
+    Raises:
+      UserError: if the policy given is none, or one of another task.
+    """
+    if (start := algorithm.start()) is None:
+        return policy_about(*task.reference(), task, algorithm)
+    try:
+        policy = policy_of(arrays_in(start))
+    except UNREADABLE as error:
+        raise UserError(f"algorithm.policy: {algorithm.policy} is no policy.npz ({error})") from error
+    d, n = policy.gain.shape
+    if (n, policy.mean.shape) != (task.width, (task.steps, len(task.command_scale))):
+        raise UserError(
+            f"algorithm.policy: {algorithm.policy} is a policy of {n} features, {d} commands and {len(policy.mean)} "
+            f"steps; {task.name} has {task.width}, {len(task.command_scale)} and {task.steps}; give one of this task"
+        )
+    return refined_policy(task, Simulator(task), policy, algorithm)
 
 
-def refined_policy(setup: Setup, policy: Policy, algorithm: AlgorithmConfig) -> Policy:
+def policy_of(saved: Mapping[str, NDArray[np.generic]]) -> Policy:
+    """The policy whose arrays are given, name => array.
+
+    Raises:
+      KeyError, ValueError, TypeError: if they are those of none.
+    """
+    gain, mean, covariance = (saved[name].astype(np.float64) for name in ("gain", "mean", "covariance"))
+    (steps, d) = mean.shape
+    if gain.shape[0] != d or gain.ndim != 2 or covariance.shape != (steps, d, d):
+        raise ValueError(f"arrays of the shapes {gain.shape}, {mean.shape} and {covariance.shape} are no policy")
+    return Policy(gain, mean, covariance, float(saved["correlation"]))
+
+
+def refined_policy(task: Task, simulator: Simulator, policy: Policy, algorithm: AlgorithmConfig) -> Policy:
     """The same about the mean motion of a policy that was learned: K may be another one.
 
     Commands beyond what the actuators can do are cut to it, so that exploration about them is felt.
     """
-    motion = mean_motion(setup.simulator, policy)
-    commands = np.clip(motion.commands[0], *setup.simulator.command_range)
-    return policy_about(motion.features[0], commands, setup.task, algorithm)
+    motion = mean_motion(simulator, policy)
+    commands = np.clip(motion.commands[0], *simulator.command_range)
+    return policy_about(motion.features[0], commands, task, algorithm)
 
 
 def policy_about(features: Array, commands: Array, task: Task, algorithm: AlgorithmConfig) -> Policy:
@@ -155,21 +221,24 @@ def check(study: Study) -> None:
     task = make_task(study.task)
     for run in first.values():
         for stage in filter(None, (run.stage(0), run.refine)):
-            make_learner(run, stage)
-            first_policy(task, stage.algorithm)
+            make_learner(run, stage).start(first_policy(task, stage.algorithm))
         make_reward(run)
-    if study.algorithm.calm and task.joints is None:
-        raise UserError(f"algorithm.calm: {task.name} does not say what its joints are (Task.joints); leave it 0")
     _check_signals(study.spec, task)
-    task.make_physics()
+    Simulator(task)
+
+
+def cut_windows(study: Study) -> str | None:
+    """Says that the spec looks beyond the end of an episode, if it does; what every window allows is checked above."""
+    last, horizon = make_task(study.task).steps - 1, study.spec.horizon
+    if horizon is None or horizon <= last:
+        return None
+    return f"the spec looks as far as step {horizon}, and an episode ends at step {last}: its windows are cut there"
 
 
 def _check_signals(spec: Spec, task: Task) -> None:
     features, commands = task.reference()
-    offered = {
-        name: None if values.ndim == 2 else values.shape[2]
-        for name, values in task.signals(features[None], commands[None]).items()
-    }
+    signals = task.signals(features[None], commands[None])
+    offered = {name: None if values.ndim == 2 else values.shape[2] for name, values in signals.items()}
     for name, dimension in spec.signals.items():
         if name not in offered:
             raise UserError(f"spec: it needs a signal {name}, which {task.name} has not{nearest(name, offered)}")
@@ -177,6 +246,7 @@ def _check_signals(spec: Spec, task: Task) -> None:
             raise UserError(
                 f"spec: it reads {name} as {_kind(dimension)}, but in {task.name} it is {_kind(offered[name])}"
             )
+    spec.check_length(signals)
 
 
 def _kind(dimension: int | None) -> str:

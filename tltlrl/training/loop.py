@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tltlrl.learning.scores import Scores, leximin
 from tltlrl.tasks.task import Signals, StepReward
-from tltlrl.training.build import Setup
+from tltlrl.training.build import Setup, draw
 from tltlrl.training.study import Run
 
 Array = NDArray[np.float64]
@@ -45,13 +45,9 @@ def iterate(run: Run, setup: Setup, state: Any, iteration: int) -> Iteration:
       ValueError: if a return is not a number that can be learned from.
       FloatingPointError: if the simulation diverged.
     """
-    learner, simulator, samples = setup.learner, setup.simulator, run.algorithm.samples
-    rng = np.random.default_rng([run.seed, iteration])
-    policy = learner.policy(state)
-    offsets = np.concatenate([learner.ask(state, samples, rng), policy.mean[None]])
-    noise = np.concatenate([simulator.draw_command_noise(samples, rng), np.zeros((1, *policy.mean.shape))])
+    samples, drawn = run.algorithm.samples, draw(run, setup.learner, setup.simulator, state, iteration)
     start = time.perf_counter()
-    trajectories = simulator.rollout(policy.gain, offsets, noise)
+    trajectories = setup.simulator.rollout(drawn.policy.gain, drawn.offsets, drawn.noise)
     physics_seconds = time.perf_counter() - start
 
     signals = setup.task.signals(trajectories.features, trajectories.commands)
@@ -59,11 +55,14 @@ def iterate(run: Run, setup: Setup, state: Any, iteration: int) -> Iteration:
     sampled, of_policy = robustness[:samples], robustness[samples]
     sample_signals = {name: values[:samples] for name, values in signals.items()}
     told = sampled
-    if setup.reward is None and run.algorithm.told == "leximin":
-        clauses = run.spec.clauses(sample_signals, trajectories.lengths[:samples])
-        told = leximin(np.stack(list(clauses.values()), axis=1))
+    if setup.reward is None:
+        if run.algorithm.told == "leximin":
+            clauses = setup.told.clauses(sample_signals, trajectories.lengths[:samples])
+            told = leximin(np.stack(list(clauses.values()), axis=1))
+        elif setup.told is not run.spec:
+            told = setup.told.robustness(sample_signals, trajectories.lengths[:samples])
     scores = score(setup.reward, sample_signals, told)
-    following, diagnostics = learner.tell(state, offsets[:samples], scores)
+    following, diagnostics = setup.learner.tell(state, drawn.offsets[:samples], scores)
     record = {
         "return_mean": scores.returns.mean(),
         "robustness_mean": sampled.mean(),

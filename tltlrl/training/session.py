@@ -17,22 +17,26 @@ import numpy as np
 from tltlrl.errors import UserError
 from tltlrl.learning.learner import Learner
 from tltlrl.learning.policy import Policy
-from tltlrl.store.files import clear_leftovers, naming, write_bytes
-from tltlrl.store.layout import CALM, DONE, POLICY, PROGRESS, TIMING
+from tltlrl.store.files import clear_leftovers, digest, naming, write_bytes
+from tltlrl.store.layout import DONE, LAST, POLICY, PROGRESS, TIMING
 from tltlrl.store.lock import BusyError, held
 from tltlrl.store.run import (
     Checkpoint,
     DamagedError,
     drop_checkpoint,
     first_rows,
+    iterations_done,
+    read_calm_checkpoint,
     read_checkpoint,
     read_policy,
     read_results,
+    shelve_checkpoint,
+    write_calm_checkpoint,
     write_checkpoint,
     write_results,
 )
-from tltlrl.training.build import first_policy, make_learner, refined_policy, set_up
-from tltlrl.training.calm import calmed
+from tltlrl.training.build import Setup, first_policy, make_learner, policy_of, refined_policy, set_up
+from tltlrl.training.calm import Calm, begin, calm_policy, simplified
 from tltlrl.training.loop import iterate
 from tltlrl.training.study import Run
 from tltlrl.training.verdict import judge, robustness_of
@@ -62,9 +66,7 @@ class Progress:
 
 
 def train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
-    """Does what is missing of a run: progress.csv, timing.csv, policy.npz, calm.npz and, last, done.json.
-
-    A run that was stopped while its motion was made calm begins that anew, from the last checkpoint.
+    """Does what is missing of a run: progress.csv, timing.csv, policy.npz and, last, done.json.
 
     Args:
       run: what to do.
@@ -80,12 +82,38 @@ def train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
             clear_leftovers(folder)
             with contextlib.suppress(DamagedError):
                 if read_results(folder, run.identity()) is not None:
-                    drop_checkpoint(folder)
+                    shelve_checkpoint(folder)
                     return
+            if shorter := shorter_run(run, folder):
+                _go_on(shorter, run, folder)
             (folder / DONE).unlink(missing_ok=True)
             _train(run, folder, report)
     except BusyError as error:
         raise UserError(f"{folder}: another process still computes this run; stop it, and start again") from error
+
+
+def shorter_run(run: Run, folder: Path) -> Run | None:
+    """The same run with fewer iterations, if the folder holds its results, whole."""
+    done = iterations_done(folder)
+    if done is None or not 0 < done < run.algorithm.iterations:
+        return None
+    shorter = dataclasses.replace(run, algorithm=dataclasses.replace(run.algorithm, iterations=done))
+    try:
+        return shorter if read_results(folder, shorter.identity()) is not None else None
+    except DamagedError:
+        return None
+
+
+def _go_on(shorter: Run, run: Run, folder: Path) -> None:
+    """Makes the last state of a finished run the checkpoint of the same run with more iterations.
+
+    What an iteration draws depends on the seed and its number alone, so the run goes on to the bytes that it would have
+    come to without a stop. Results of before this was possible have no last state: their run starts again, to the same
+    bytes.
+    """
+    with contextlib.suppress(DamagedError):
+        if (saved := read_checkpoint(folder, shorter.identity(), LAST)) is not None:
+            write_checkpoint(folder, run.identity(), saved)
 
 
 def _train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
@@ -107,17 +135,19 @@ def _train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
         "algorithm": run.case.learner,
         "seed": run.seed,
     }
-    columns = (folder / PROGRESS).read_text().split("\n", 1)[0].split(",") if first else None
+    columns = (folder / PROGRESS).read_text(encoding="utf-8").split("\n", 1)[0].split(",") if first else None
     last_checkpoint = time.monotonic()
     with (
         naming(folder / PROGRESS),
-        open(folder / PROGRESS, "a", newline="") as progress,
-        open(folder / TIMING, "a", newline="") as timing,
+        open(folder / PROGRESS, "a", newline="", encoding="utf-8") as progress,
+        open(folder / TIMING, "a", newline="", encoding="utf-8") as timing,
     ):
         for i in range(first, run.algorithm.iterations):
             clock = time.perf_counter()
             if run.refine is not None and i == run.refine.first:
-                refined = refined_policy(setup, setup.learner.policy(stands.state), run.refine.algorithm)
+                refined = refined_policy(
+                    setup.task, setup.simulator, setup.learner.policy(stands.state), run.refine.algorithm
+                )
                 setup = dataclasses.replace(setup, learner=make_learner(run, run.refine))
                 stands = dataclasses.replace(stands, state=setup.learner.start(refined))
             result = iterate(run, setup, stands.state, i)
@@ -140,14 +170,35 @@ def _train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
                 timing.flush()
                 write_checkpoint(folder, identity, Checkpoint(i + 1, env_steps, arrays_of(stands)))
                 last_checkpoint = time.monotonic()
+    write_checkpoint(folder, identity, Checkpoint(run.algorithm.iterations, env_steps, arrays_of(stands)))
     policy = setup.learner.policy(stands.state)
     if run.algorithm.keep == "best":
         policy = stands.seen(policy, robustness_of(run, setup, policy)).best
     results = judge(run, setup, policy)
-    calm = calmed(run, setup, policy) if run.algorithm.calm else None
-    if run.algorithm.calm:
-        results["calm"] = calm and judge(run, setup, calm.policy) | {"episodes": calm.episodes}
-    write_results(folder, identity, arrays_of(policy), results, arrays_of(calm.policy) if calm else None)
+    calm = None
+    if run.algorithm.calm and results["satisfied"]:
+        done = _simplify(run, setup, policy, results["robustness_policy"], folder)
+        calm = calm_policy(policy, done)
+        cost = {"batches": done.batches, "episodes": done.episodes, "env_steps": done.env_steps}
+        results["calm"] = judge(run, setup, calm) | cost
+    write_results(folder, identity, arrays_of(policy), results, None if calm is None else arrays_of(calm))
+
+
+def _simplify(run: Run, setup: Setup, policy: Policy, robustness: float, folder: Path) -> Calm:
+    """The calm motion of a learned policy whose mean motion has this robustness; goes on where it was stopped."""
+    identity = run.identity() + digest(policy.mean.tobytes())
+    start = calm = begin(setup, policy)
+    saved = read_calm_checkpoint(folder, identity)
+    if saved is not None:
+        with contextlib.suppress(DamagedError):
+            start = from_arrays(start, saved)
+    last_checkpoint = time.monotonic()
+    asked = run.algorithm
+    for calm in simplified(run, setup, policy, robustness, asked.calm_share, asked.calm, start):
+        if time.monotonic() - last_checkpoint > CHECKPOINT_SECONDS:
+            write_calm_checkpoint(folder, identity, arrays_of(calm))
+            last_checkpoint = time.monotonic()
+    return calm
 
 
 def _write_row(file: TextIO, row: dict[str, Any], header: bool) -> None:
@@ -213,27 +264,17 @@ def from_arrays(like: Any, arrays: Mapping[str, np.ndarray]) -> Any:
     return type(like)(**values)
 
 
-def calm_policy(folder: Path) -> Policy | None:
-    """The policy of the calm motion that a finished run has left beside the learned one; None if it has not.
-
-    Raises:
-      DamagedError: if calm.npz cannot be read, or is not that of a policy.
-    """
-    return learned_policy(folder, CALM) if (folder / CALM).exists() else None
-
-
 def learned_policy(folder: Path, name: str = POLICY) -> Policy:
     """The policy that a finished run has left.
 
+    Args:
+      folder: of the run.
+      name: of the file: that of the learned policy, or of the calm one beside it.
+
     Raises:
-      DamagedError: if its file cannot be read, or is not that of a policy.
+      DamagedError: if the file cannot be read, or is not that of a policy.
     """
-    saved = read_policy(folder, name)
     try:
-        gain, mean, covariance = (saved[name].astype(np.float64) for name in ("gain", "mean", "covariance"))
-        (steps, d) = mean.shape
-        if gain.shape[0] != d or gain.ndim != 2 or covariance.shape != (steps, d, d):
-            raise ValueError(f"arrays of the shapes {gain.shape}, {mean.shape} and {covariance.shape} are no policy")
-        return Policy(gain, mean, covariance, float(saved["correlation"]))
+        return policy_of(read_policy(folder, name))
     except (KeyError, ValueError, TypeError) as error:
         raise DamagedError(f"{name} cannot be read ({error})") from error

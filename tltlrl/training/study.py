@@ -14,20 +14,30 @@ from typing import Any
 from tltlrl.errors import UserError
 from tltlrl.learning.scores import TOLD
 from tltlrl.logic import Spec
+from tltlrl.resources import user_path
 from tltlrl.settings import check, check_value, setting, settings_of
 from tltlrl.store.files import digest
+from tltlrl.store.layout import POLICY
 
+TLTL = "tltl"  # the reward that is the spec's own robustness
 MOST_SEEDS = MOST_TRIALS = MOST_SAMPLES = 10_000  # more would not fit into memory, and show only after hours
 LATER = {  # than 0.1, with their defaults
     "exploration": {},
     "basis": 0,
     "told": "robustness",
+    "normalise": False,
     "keep": "last",
-    "calm": 0,
     "refine": {},
+    "policy": "",
     "batches": 1,
+    "calm": 0,
+    "calm_share": 0.7,
 }
-TLTL = "tltl"  # the reward that is the spec's own robustness
+
+
+def with_later(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """The config of a result of any version: what was added since stands at its default, which changes nothing."""
+    return {**settings, "algorithm": {**LATER, **settings["algorithm"]}}
 
 
 @dataclass(frozen=True)
@@ -53,26 +63,50 @@ class AlgorithmConfig:
         "robustness",
         choices=TOLD,
     )
+    normalise: bool = setting(
+        "divide every predicate by its spread over the first iteration's trajectories, in what the learner is told",
+        False,
+    )
     keep: str = setting(
         "the policy that a run ends with: the last, or the best of those whose mean motion was simulated",
         "last",
         choices=("last", "best"),
     )
     calm: int = setting(
-        "batches of 20 shortcuts that make the learned motion calm afterwards, beside what was learned; 0: none",
+        "batches of 20 proposals by which the learned motion is made calm afterwards, as a policy beside it; 0: none",
         0,
         least=0,
-        most=MOST_SAMPLES,
         budget=True,
     )
+    calm_share: float = setting("share of the learned robustness that a calm motion has to keep", 0.7, above=0, most=1)
     refine: dict[str, Any] = setting(
         "a second stage about the motion that the first one learned: after (iterations), and any other key of "
         "algorithm that is to change",
         {},
     )
+    policy: str = setting(
+        "a policy.npz, or the folder of a run, whose mean motion learning starts from, not the task's reference",
+        "",
+    )
 
     def __post_init__(self) -> None:
         check(self, "algorithm")
+
+    def start(self) -> bytes | None:
+        """The file of the policy to start from, if there is one.
+
+        Raises:
+          UserError: if it cannot be read.
+        """
+        if not self.policy:
+            return None
+        path = user_path(self.policy)
+        try:
+            return (path / POLICY if path.is_dir() else path).read_bytes()
+        except OSError as error:
+            raise UserError(
+                f"algorithm.policy: {path} cannot be read ({error.strerror}); give the policy.npz of a run"
+            ) from error
 
 
 @dataclass(frozen=True)
@@ -147,6 +181,8 @@ class Run:
         the same identity.
         """
         algorithm = dataclasses.asdict(self.algorithm) | dataclasses.asdict(self.learner)
+        if (start := self.algorithm.start()) is not None:
+            algorithm["policy"] = digest(start)  # wherever it lies
         asked = {
             "task": dataclasses.asdict(self.task),
             "reward": dataclasses.asdict(self.reward),

@@ -14,7 +14,7 @@ from tltlrl.simulation.motion import measures
 from tltlrl.simulation.rollout import Simulator
 from tltlrl.simulation.trials import mean_motion, trials
 from tltlrl.tasks.task import Signals
-from tltlrl.training.build import Setup, make_evaluation_task
+from tltlrl.training.build import Setup, make_evaluation_task, make_task
 from tltlrl.training.study import Run
 
 Array = NDArray[np.float64]
@@ -43,6 +43,32 @@ def try_policy(run: Run, policy: Policy, count: int, rng: np.random.Generator) -
     signals = task.signals(motion.features, motion.commands)
     robustness = run.spec.robustness(signals, motion.lengths)
     return Trials(robustness, task.outcomes(motion.last_qpos, motion.last_qvel), signals, motion.lengths)
+
+
+@dataclass(frozen=True)
+class Motions:
+    """Motions of a policy in the scene of training.
+
+    Attributes:
+      signals: name -> (N, T) or (N, T, k).
+      lengths: samples of each, shape (N,).
+      robustness: of each, shape (N,).
+    """
+
+    signals: Signals
+    lengths: NDArray[np.int64]
+    robustness: Array
+
+
+def motions(run: Run, policy: Policy, samples: int, rng: np.random.Generator) -> Motions:
+    """The mean motion, without any noise, and after it sampled ones, with exploration and the actuators' noise."""
+    task = make_task(run.task)
+    simulator = Simulator(task)
+    offsets = np.concatenate([policy.mean[None], policy.sample(samples, rng)])
+    noise = np.concatenate([np.zeros((1, *policy.mean.shape)), simulator.draw_command_noise(samples, rng)])
+    moved = simulator.rollout(policy.gain, offsets, noise)
+    signals = task.signals(moved.features, moved.commands)
+    return Motions(signals, moved.lengths, run.spec.robustness(signals, moved.lengths))
 
 
 def robustness_of(run: Run, setup: Setup, policy: Policy) -> float:

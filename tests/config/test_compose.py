@@ -1,0 +1,72 @@
+"""From what is typed to the config: spellings, plain text, paths."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from tltlrl.config.compose import as_meant, compose
+from tltlrl.config.machinery import Machinery
+from tltlrl.config.read import read
+from tltlrl.resources import SPECS, spec_path, user_path
+
+ROOT = Path(__file__).parents[2]
+
+
+def composed(*overrides):
+    return compose([as_meant(override) for override in ("experiment=reach_avoid", *overrides)])
+
+
+@pytest.mark.parametrize(
+    ("typed", "value"),
+    [
+        ("seeds=[7]", [7]), ("seeds=7", 7), ("seeds=7,8", [7, 8]), ("seeds=7, 8", [7, 8]), ("seeds=7,", [7]),
+        ("cases=tltl_episodic", ["tltl_episodic"]), ("cases=a,b", ["a", "b"]), ("cases=[a]", ["a"]),
+        ("name=Übung_机器人", "Übung_机器人"), ("name=a=b,c", "a=b,c"), ("name=true", "true"), ("name=a b", "a b"),
+        ("name='2024'", "2024"), ("name=it's", "it's"), ("name=\\", "\\"), ("name=(x", "(x"), ("name=7.5", "7.5"),
+        ("spec=runs/m,algorithm.epsilon=0.2/specs/s.tltl", "runs/m,algorithm.epsilon=0.2/specs/s.tltl"),
+        ("runs_dir=[x]", "[x]"), ("name=${task.name}_2", "reach_avoid_2"),
+    ],
+)  # fmt: skip
+def test_a_value_is_what_its_writer_meant(typed, value):
+    assert composed(typed)[typed.partition("=")[0]] == value
+
+
+@pytest.mark.parametrize(
+    ("typed", "given"),
+    [
+        ("name=a,b", "name=a,b"), ("name=Ü,b", 'name="Ü",b'), ("seeds=7,8", "seeds=7,8"),
+        ("name=choice(a,b)", "name=choice(a,b)"), ("cases=tltl_episodic", "cases=tltl_episodic"),
+    ],
+)  # fmt: skip
+def test_with_several_values_a_comma_separates_them(typed, given):
+    assert as_meant(typed, several=True) == given
+
+
+def test_with_several_values_a_file_whose_name_has_a_comma_is_one(tmp_path):
+    path = tmp_path / "a,b=1.tltl"
+    path.write_text("x < 1\n")
+    assert as_meant(f"spec={path}", several=True) == f'spec="{path}"'
+
+
+def test_the_home_folder_is_found_where_no_shell_saw_it(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert Machinery(runs_dir="~/x").folder("n") == tmp_path / "x" / "n"
+    (tmp_path / "mine.tltl").write_text("signal ee[2]\nspec: F ee.x > 1\n")
+    assert spec_path("~/mine.tltl") == tmp_path / "mine.tltl"
+    assert user_path("~nobody_of_that_name/x") == Path("~nobody_of_that_name/x")
+    study, machinery = read(composed("spec=~/mine.tltl", "runs_dir=~/y", "cases=tltl_episodic"))
+    assert study.spec.path == tmp_path / "mine.tltl"
+    assert machinery.folder(study.name) == tmp_path / "y" / "reach_avoid"
+
+
+@pytest.mark.parametrize("page", [p for p in ROOT.rglob("*.md") if not {".venv", "node_modules"} & set(p.parts)])
+def test_no_page_has_a_list_that_a_shell_takes_for_its_own(page):
+    """zsh answers an unquoted cases=[...] with "no matches found"."""
+    for line in page.read_text(encoding="utf-8").splitlines():
+        if "tltl" in line:
+            assert not re.search(r"""(^|[\s`])[+~]{0,2}[a-z_.]+=\[""", line), line
+
+
+def test_the_specs_that_come_with_tltlrl_are_found_by_name():
+    assert spec_path("toast") == spec_path("toast.tltl") == SPECS / "toast.tltl"

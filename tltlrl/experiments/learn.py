@@ -1,0 +1,138 @@
+"""`tltlrl.learn`: one run from code, as in a notebook; the same bytes as the command `tltl-run` would give."""
+
+from __future__ import annotations
+
+import io
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from PIL import Image
+from tqdm import tqdm
+
+from tltlrl.config.compose import compose, quoted
+from tltlrl.config.read import read
+from tltlrl.learning.policy import Policy
+from tltlrl.logic import Spec
+from tltlrl.reports.plotting import curves_figure
+from tltlrl.reports.workspace import workspace_figure
+from tltlrl.store.files import write_text
+from tltlrl.store.layout import PROGRESS
+from tltlrl.store.run import read_results
+from tltlrl.training.build import make_task
+from tltlrl.training.session import learned_policy, train
+from tltlrl.training.study import Run
+from tltlrl.training.verdict import motions
+
+
+@dataclass(frozen=True)
+class Learned:
+    """What a run has learned.
+
+    Attributes:
+      run: what was asked for.
+      folder: its files.
+      policy: the learned one.
+      curves: one row per iteration; runs/README.md says what the columns mean.
+      robustness: of the mean motion; above 0 the spec is satisfied.
+      successes, trials: how many noisy trials satisfied it, and of how many.
+    """
+
+    run: Run
+    folder: Path
+    policy: Policy
+    curves: pd.DataFrame
+    robustness: float
+    successes: int
+    trials: int
+
+    def signals(self) -> dict[str, np.ndarray]:
+        """The mean motion: name => (T,) or (T, k), as `Spec.explain` and others take it with a leading axis."""
+        moved = motions(self.run, self.policy, 0, np.random.default_rng(0))
+        return {name: values[0, : moved.lengths[0]] for name, values in moved.signals.items()}
+
+    def picture(self) -> Image.Image:
+        """The learned motion in the plane, if the task can draw one; else the learning curve."""
+        if make_task(self.run.task).skeleton is None:
+            return self.curve()
+        return _image(workspace_figure(self.run, self.policy))
+
+    def curve(self) -> Image.Image:
+        """Robustness against iterations."""
+        return _image(curves_figure({str(self.curves["task"].iloc[0]): self.curves}))
+
+
+def learn(
+    task: str,
+    spec: str | Path | Spec | None = None,
+    iterations: int = 200,
+    seed: int = 0,
+    *,
+    case: str = "tltl_episodic",
+    settings: Mapping[str, Any] | None = None,
+    folder: str | Path | None = None,
+) -> Learned:
+    """Learns a task from a spec.
+
+        learned = tltlrl.learn("reach_avoid", "my_task.tltl", iterations=60)
+        learned.curves.plot("iteration", "robustness_policy")
+        learned.picture()
+
+    Args:
+      task: its name, as in `tltl-run task=NAME`.
+      spec: of what is to be learned: a file, the name of one that comes with tltlrl, or a `Spec`. That of the task if
+        not given.
+      iterations: policy updates.
+      seed: of all noise.
+      case: <reward>_<learner>.
+      settings: any other key of the config, as {"algorithm.samples": 30}.
+      folder: for its files, one of its own; a run that was stopped there is gone on with. A temporary one if not given.
+
+    Raises:
+      UserError, SpecError: naming what has to be mended.
+    """
+    place = Path(tempfile.mkdtemp(prefix="tltlrl-")) if folder is None else Path(folder)
+    place.mkdir(parents=True, exist_ok=True)
+    given: dict[str, Any] = {"algorithm.iterations": iterations, **(settings or {})}
+    constants: Mapping[str, Any] = {}
+    if isinstance(spec, Spec):
+        constants = spec.constants
+        path = place / "spec.tltl"
+        write_text(path, spec.text)
+        spec = path
+    texts = [] if spec is None else [f"spec={quoted(str(spec))}"]
+    overrides = [f"{key}={_written(value)}" for key, value in given.items()]
+    config = compose([f"task={task}", f"cases=[{case}]", f"seeds=[{seed}]", *texts, *overrides])
+    study, _ = read(config | {"constants": {**config["constants"], **constants}})
+    (run,) = study.runs()
+    with tqdm(total=iterations, unit="it") as bar:
+
+        def report(done: int) -> None:
+            bar.update(done - bar.n)
+
+        train(run, place, report)
+    results = read_results(place, run.identity())
+    assert results is not None
+    curves = pd.read_csv(place / PROGRESS)
+    return Learned(
+        run, place, learned_policy(place), curves, results["robustness_policy"], results["successes"], results["trials"]
+    )
+
+
+def _written(value: Any) -> str:
+    """A value as an override has it."""
+    if isinstance(value, str):
+        return quoted(value)
+    if isinstance(value, list | tuple):
+        return f"[{','.join(map(_written, value))}]"
+    return "null" if value is None else str(value).lower() if isinstance(value, bool) else repr(value)
+
+
+def _image(figure: Any) -> Image.Image:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=120)
+    return Image.open(buffer)

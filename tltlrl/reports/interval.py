@@ -1,0 +1,27 @@
+"""How far a mean over seeds can be trusted."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t
+
+Array = NDArray[np.float64]
+
+LEVEL = 0.95
+FEWEST = 6  # values: of four the interval is 1.6 standard deviations to either side, and each value says more
+
+
+def mean_interval(values: Array) -> tuple[Array, Array]:
+    """Student's t interval of the mean over the last axis: its ends, of the shape without that axis.
+
+    It holds the mean of normal values in `LEVEL` of all samples, of however few values they are. (A percentile
+    bootstrap, which cannot reach beyond the values there are, does so in 0.50 of samples of two and in 0.79 of samples
+    of four.) NaN where there are fewer than `FEWEST` values, or one is not finite.
+    """
+    count = values.shape[-1]
+    if count < FEWEST:
+        return np.full(values.shape[:-1], np.nan), np.full(values.shape[:-1], np.nan)
+    known = np.where(np.isfinite(values), values, np.nan)
+    mean, half = known.mean(axis=-1), t.ppf((1 + LEVEL) / 2, count - 1) * known.std(axis=-1, ddof=1) / np.sqrt(count)
+    return mean - half, mean + half
