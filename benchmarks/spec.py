@@ -92,6 +92,20 @@ def windows(text: str, narrow: int, wide: int) -> float:
     return long / short
 
 
+def monitoring(name: str, count: int, steps: int) -> float:
+    """Microseconds per step and trajectory of a monitor of `count` trajectories."""
+    spec, ee = load_spec(SPECS / f"{name}.tltl"), walks(count, steps)
+    monitor = spec.monitor(count)
+
+    def follow() -> None:
+        monitor.restart()
+        for t in range(steps):
+            monitor.update({"ee": ee[:, t]})
+
+    (seconds,) = best(follow)
+    return seconds / count / steps * 1e6
+
+
 def rows() -> list[tuple[str, float, float | None, str]]:
     """Name, measured value, target, and how the two compare (`>=` or `<=`)."""
     unbounded = "G (x < 1 => F (x > 0)) & ((x < 1) U (x > 2)) & ((x > 1) T (x < 0))"
@@ -110,6 +124,12 @@ def rows() -> list[tuple[str, float, float | None, str]]:
             against_sentil("visit_in_order", VISIT_IN_ORDER, 30, 500),
             15.0,
             ">=",
+        ),
+        (
+            "monitor, visit_in_order, N = 20: us per step and trajectory",
+            monitoring("visit_in_order", 20, 200),
+            5.0,
+            "<=",
         ),
         (
             "visit_in_order (1000, 500): sentil / ours",

@@ -12,7 +12,7 @@ FLOORS = (
     ("cli",),
     ("experiments",),
     ("config", "reports"),
-    ("training",),
+    ("training", "gym"),
     ("simulation",),
     ("tasks",),
     ("learning", "store", "logic"),

@@ -390,8 +390,8 @@ MISTAKES = {
     ("experiment=reach_avoid", "algorithm.covariance=dampd"): (
         "tltl-run: algorithm.covariance: there is no dampd; did you mean damped?"
     ),
-    ("experiment=reach_avoid", "cases=[tltl_step]"): (
-        "tltl-run: cases: no case is named tltl_step; did you mean tltl_episodic?"
+    ("experiment=reach_avoid", "cases=[tltl_stepwise]"): (
+        "tltl-run: cases: no case is named tltl_stepwise; did you mean tltl_step?"
     ),
     ("experiment=reach_avoid", "seeds=[1,1]"): (
         "tltl-run: seeds: [1, 1] must be a number n >= 1 for the seeds 0 .. n-1, or a list of different numbers >= 0"

@@ -12,6 +12,7 @@ from tltlrl.config.read import read
 from tltlrl.errors import UserError
 from tltlrl.learning.reps import reward_to_go, solve_dual
 from tltlrl.learning.scores import leximin
+from tltlrl.logic import telescope
 from tltlrl.simulation.trials import mean_motion
 from tltlrl.training import calm as calm_module
 from tltlrl.training import session
@@ -71,11 +72,11 @@ def test_every_cases_robustness_is_of_its_own_samples_by_the_same_spec(cases):
 
 
 def test_each_case_learns_from_its_own_reward(cases):
-    for name, run in cases.items():
+    for name, run in (cases | runs("cases=[tltl_step]")).items():
         setup, policy, offsets, signals = by_hand(run)
         result = iterate(run, setup, setup.learner.start(policy), 0)
         if run.case.reward == "tltl":
-            returns = run.spec.robustness(signals)
+            returns, rewards = run.spec.robustness(signals), telescope(run.spec, signals)
         else:
             rewards, _ = setup.reward(signals)
             returns = rewards.sum(axis=1)

@@ -15,6 +15,7 @@ from tltlrl.errors import UserError
 
 COMMANDS = {
     "check": "check a spec and, with a trace, print robustness, verdict and explanation",
+    "watch": "follow a trajectory while it runs: samples on standard input, robustness and bounds at once",
     "evaluate": "trials of a learned policy and their success rate",
     "render": "a picture of the workspace with the learned paths, and a video",
     "plot": "the learning curves of one or more experiments, from their CSV files",

@@ -89,21 +89,15 @@ def case_of(name: str, hand_made: Sequence[str]) -> Case:
       hand_made: the task's hand-made rewards.
 
     Raises:
-      UserError: if there is no such case. Robustness is known at the end only, so no learner learns from it by step.
+      UserError: if there is no such case.
     """
     cases = {
         case.name: case
         for case in (Case(reward, learner) for reward in (TLTL, *hand_made) for learner in LEARNERS.names())
     }
-    case = cases.get(name)
-    if case is None or not _possible(case):
-        valid = [other.name for other in cases.values() if _possible(other)]
-        raise UserError(f"cases: no case is named {name}{nearest(name, valid)}")
-    return case
-
-
-def _possible(case: Case) -> bool:
-    return case.reward != TLTL or not LEARNERS.get(case.learner).by_step
+    if name not in cases:
+        raise UserError(f"cases: no case is named {name}{nearest(name, cases)}")
+    return cases[name]
 
 
 def _algorithm(

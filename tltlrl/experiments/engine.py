@@ -1,28 +1,23 @@
-"""Where runs are computed: in this process, in a local cluster, or on a running Dask scheduler.
+"""Where runs are computed: in this process, in processes of this machine, or on a running Dask scheduler.
 
-All three call the same `train` on the same folders, so all three write the same bytes. Dask reruns the run of a
-worker that died; the run itself goes on from its checkpoint.
+All three call the same `train` on the same folders, so all three write the same bytes. The run of a worker that died is
+given to another one; the run itself goes on from its checkpoint.
 """
 
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import logging
-import multiprocessing
 import os
-import signal
 import socket
-import threading
 import time
 import urllib.parse
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future
-from multiprocessing import resource_tracker
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from tltlrl.errors import UserError
+from tltlrl.experiments.processes import run_in_processes
 from tltlrl.training.session import train
 from tltlrl.training.study import Run
 
@@ -30,12 +25,8 @@ TOPIC = "tltlrl-progress"
 REPORT_SECONDS = 0.5
 SCHEDULER_SECONDS = 10
 
-# Of a local cluster, inherited by its workers; Dask reads its part when it is imported.
-ENVIRONMENT = {
-    **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"),  # runs are what is parallel
-    "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False",  # it would stop the run every 10 ms to look at it,
-    "DASK_DISTRIBUTED__ADMIN__TICK__INTERVAL": "1s",  # and every process wake every 20 ms to see that it does
-}
+# Of the processes of this machine, which inherit it: runs are what is parallel.
+ENVIRONMENT = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 Job = tuple[Run, Path]
 OnProgress = Callable[[int, int], None]  # (index of the job, iterations done)
@@ -47,13 +38,13 @@ def run_all(jobs: list[Job], workers: int, address: str | None, on_progress: OnP
 
     Args:
       jobs: runs and their folders.
-      workers: processes of a local cluster; 1 computes in this process. Ignored with an address.
+      workers: processes of this machine; 1 computes in this process. Ignored with an address.
       address: of a Dask scheduler whose workers see the same files.
       on_progress, on_end: called in this process.
 
     Raises:
-      UserError: if the scheduler cannot be reached.
-      KeyboardInterrupt: on Ctrl-C, after the local workers were stopped.
+      UserError: if the scheduler cannot be reached, or no process be started.
+      KeyboardInterrupt: on Ctrl-C, after the workers of this machine were stopped.
     """
     if address is None and workers == 1:
         for index, (run, folder) in enumerate(jobs):
@@ -65,12 +56,16 @@ def run_all(jobs: list[Job], workers: int, address: str | None, on_progress: OnP
                 on_end(index, None)
         return
 
-    for name, value in ENVIRONMENT.items():
-        os.environ.setdefault(name, value)
+    if address is None:
+        for name, value in ENVIRONMENT.items():
+            os.environ.setdefault(name, value)
+        run_in_processes(train, jobs, workers, on_progress, on_end)
+        return
+
     from distributed import as_completed
 
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # closing workers log their broken connections
-    with _cluster(workers, address) as scheduler, _client(scheduler) as client:
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # a closing client logs its broken connections
+    with _client(address) as client:
         client.subscribe_topic(TOPIC, lambda event: on_progress(*event[1]))
         futures = {
             client.submit(_on_worker, index, run, folder, pure=False): index for index, (run, folder) in enumerate(jobs)
@@ -142,53 +137,3 @@ def _client(address: str) -> Any:
         raise UserError(
             f"engine.address: no scheduler answers at {address}; start one with `dask scheduler`, or leave it out"
         ) from error
-
-
-@contextlib.contextmanager
-def _cluster(workers: int, address: str | None) -> Iterator[str]:
-    """The address of the given scheduler, or of a local cluster whose processes end with this block in any case."""
-    if address is not None:
-        yield address
-        return
-
-    cluster = None
-    try:
-        cluster = _local_cluster(workers)
-        yield cluster.scheduler_address
-    except BaseException:  # Ctrl-C above all: nobody waits for workers in the middle of an iteration
-        for process in multiprocessing.active_children():
-            process.kill()
-        if cluster is not None:
-            with contextlib.suppress(TimeoutError):
-                cluster.close(timeout=1)
-        raise
-    cluster.close()
-
-
-def _local_cluster(workers: int) -> Any:
-    """A cluster whose processes leave Ctrl-C, which reaches the whole process group, to this one.
-
-    They inherit the blocked signal from the thread that starts them; this thread is free to be interrupted meanwhile.
-    """
-    from distributed import LocalCluster
-
-    started: Future[Any] = Future()
-
-    def start() -> None:
-        resource_tracker.ensure_running()  # starting it unblocks the signal, so that comes first
-        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        try:
-            cluster = LocalCluster(
-                n_workers=workers,
-                threads_per_worker=1,
-                processes=True,
-                # Dask serves its state by HTTP in any case: to this machine alone, and on a port that is free.
-                scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
-            )
-        except Exception as error:
-            started.set_exception(error)
-        else:
-            started.set_result(cluster)
-
-    threading.Thread(target=start, daemon=True).start()
-    return started.result()

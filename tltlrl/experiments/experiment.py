@@ -57,6 +57,7 @@ def run_experiment(study: Study, machinery: Machinery, command: list[str]) -> bo
     folder = machinery.folder(study.name)
     if machinery.address is not None:
         check_scheduler(machinery.address)
+    check_ours(folder, study)
     with working_in(folder):
         whole, notes = prepare(folder, study, machinery.overwrite)
         missing, done, damages = survey(folder, study)
@@ -87,6 +88,24 @@ def run_experiment(study: Study, machinery: Machinery, command: list[str]) -> bo
         if missing or before is None:
             write_json(folder / MANIFEST, manifest(whole, before, end_session(session)))
     return not failures
+
+
+def check_ours(folder: Path, study: Study) -> None:
+    """Whether a folder is there for our results, looked at before anything in it is written, its lock included.
+
+    Raises:
+      UserError: if it holds something else, or what is written into it would go elsewhere through a link.
+    """
+    if not folder.is_dir():
+        return
+    _settings_before(folder, read_manifest(folder / MANIFEST))
+    inner = {
+        folder / SPECS,
+        *(path for run in study.runs() for path in (run_folder(folder, run).parents[0], run_folder(folder, run))),
+    }
+    for path in sorted(inner):
+        if path.is_symlink():
+            raise UserError(f"{path} is a link, and results are not written through it; link {folder} as a whole")
 
 
 def label(run: Run) -> str:

@@ -18,6 +18,7 @@ from tltlrl.config.keys import Role, having
 from tltlrl.config.read import read
 from tltlrl.errors import UserError, module_of
 
+CODE_OF_HYDRA = ("hydra._internal.core_plugins.", "hydra_plugins.", "logging.", "colorlog.")
 LONGEST_NAME = 200  # bytes; file systems allow 255
 
 
@@ -137,6 +138,25 @@ def _launch(hydras: Sequence[str], jobs: Sequence[Sequence[str]], start: Callabl
             config = hydra.compose_config(
                 "config", [*hydras, *jobs[0]], RunMode.MULTIRUN, from_shell=False, with_log_configuration=False
             )
+            _check_names_no_code(OmegaConf.to_container(config.hydra, resolve=False))
             context = HydraContext(config_loader=hydra.config_loader, callbacks=Callbacks(config))
             launcher = Plugins.instance().instantiate_launcher(hydra_context=context, task_function=job, config=config)
         return [done.return_value for done in launcher.launch(jobs, 0)]
+
+
+def _check_names_no_code(section: Any, key: str = "hydra") -> None:
+    """Whether Hydra's own section imports nothing but Hydra and its installed plugins, and leaves the folder alone.
+
+    Raises:
+      UserError: with the key that does not.
+    """
+    if key == "hydra.callbacks" and section:
+        raise UserError(f"{key}: it names code to be run, which no config may; leave it out")
+    if key == "hydra.job.chdir" and section:
+        raise UserError(f"{key}: runs_dir would be looked for in another folder; leave it out")
+    if key.endswith(("._target_", ".()", ".class")) and not str(section).startswith(CODE_OF_HYDRA):
+        raise UserError(f"{key}={section}: it names code to be imported, which no config may; leave it out")
+    for name, value in (
+        section.items() if isinstance(section, dict) else enumerate(section if isinstance(section, list) else ())
+    ):
+        _check_names_no_code(value, f"{key}.{name}")

@@ -2,7 +2,7 @@
 
 import copy
 from collections.abc import Iterator, Mapping
-from functools import lru_cache
+from functools import cached_property, lru_cache, partial
 from numbers import Real
 from pathlib import Path
 from types import MappingProxyType
@@ -16,12 +16,16 @@ from tltlrl.logic.declarations import Value
 from tltlrl.logic.errors import Source, Span, SpecError, TraceError
 from tltlrl.logic.explain import Explanation, explain
 from tltlrl.logic.graph import BEGUN, Array
+from tltlrl.logic.memory import Memory, NotFiniteError
+from tltlrl.logic.monitor import Monitor
 from tltlrl.logic.normalise import divided, predicates, spreads
 from tltlrl.logic.parser import parse
+from tltlrl.logic.pursuit import Compiled, compiled
 from tltlrl.logic.reach import beyond
 from tltlrl.logic.resolve import Meaning, Region, resolve
 from tltlrl.logic.semantics import Plan, Signals, plan
 from tltlrl.logic.traps import Trap, traps
+from tltlrl.logic.witness import Witnessed
 
 # Values of one block of trajectories: small enough that the arrays of a formula stay in a core's cache.
 BLOCK = 32_768
@@ -257,6 +261,7 @@ class Spec:
         result = copy.copy(self)
         result._meaning = divided(self._meaning, spreads(places, margins))
         result._plan = lru_cache(maxsize=16)(result._make_plan)
+        result.__dict__.pop("_compiled", None)
         return result
 
     def predicates_over_time(
@@ -274,6 +279,84 @@ class Spec:
         named = (truth.node for truth, _ in self._meaning.definitions.values())
         self._over_time(batch, tuple({self._meaning.root, *named}))  # finds expressions without a finite value
         return tuple(explain(self._meaning, self._source.name, batch.single(row)) for row in range(batch.count))
+
+    def monitor(self, count: int = 1, period: float | None = None) -> Monitor:
+        """Robustness while trajectories run, one sample after the other; docs/online.md tells how.
+
+        Args:
+          count: of trajectories that run side by side.
+          period: between two samples, s; needed where bounds are in seconds and the spec does not say it.
+
+        Raises:
+          SpecError: if the period is not known, or for an operator that cannot be monitored.
+          ValueError: if count is not positive.
+        """
+        if count < 1:
+            raise ValueError(f"count is {count}; expected 1 or more trajectories")
+        if period is not None and period != self.period:
+            return self.sampled(period).monitor(count)
+        if self.period is None and self.counts_seconds:
+            raise self._without_period(SpecError)
+        ready = self._compiled
+        return Monitor(ready, count, partial(self._sample, ready, count))
+
+    def watch(self, period: float | None = None) -> Witnessed:
+        """A monitor of one trajectory that also says what decides, as `explain` does.
+
+        Args:
+          period: between two samples, s.
+
+        Raises:
+          SpecError: as `monitor`.
+        """
+        spec = self if period is None else self.sampled(period)
+        return Witnessed(spec.monitor(), spec._meaning, spec._source.name)
+
+    @cached_property
+    def _compiled(self) -> Compiled:
+        try:
+            return compiled(self._meaning.graph, self._meaning.root)
+        except RecursionError:
+            raise SpecError(
+                self._source,
+                self._meaning.document.formula.span,
+                "the formula nests too deep to be monitored; expected fewer operators inside each other; "
+                "evaluate whole recordings instead, as tltl check does",
+            ) from None
+
+    def _sample(
+        self, ready: Compiled, count: int, memory: Memory, signals: Mapping[str, ArrayLike], step: int
+    ) -> tuple[Signals, dict[int, Array]]:
+        """One sample of a monitor's trajectories: its signals, (N, 1), and the values of what is read of it, (N,)."""
+        batch = _Batch(self._meaning, self._source, self._one_sample(signals, count), None, step)
+        rows, block = slice(0, count), batch.whole()
+        present = ready.plan(memory)
+        try:
+            return block, memory.values(present.run(block))
+        except FloatingPointError:
+            raise batch.failure(present, rows, block) from None
+        except NotFiniteError as error:
+            raise batch.not_finite(error.node, 0, error.row) from None
+
+    def _one_sample(self, signals: Mapping[str, ArrayLike], count: int) -> Mapping[str, ArrayLike]:
+        """The signals of one sample as trajectories of one sample."""
+        arrays: dict[str, ArrayLike] = dict(signals)
+        for name, dimension in self._meaning.signals.items():
+            if name not in signals:
+                continue  # the batch says so
+            value = np.asarray(signals[name])
+            own = () if dimension is None else (dimension,)
+            if value.shape == own and count == 1:
+                value = value[None]
+            if value.shape != (count, *own):
+                raise TraceError(
+                    self._source,
+                    self._meaning.signal_spans[name],
+                    f"signal '{name}' has shape {value.shape}; expected {(count, *own)}, a sample of each trajectory; "
+                    "reshape it, or ask for a monitor of another count",
+                )
+            arrays[name] = value[:, None]
+        return arrays
 
     def check_length(self, signals: Mapping[str, ArrayLike]) -> None:
         """Whether trajectories of this length can satisfy and violate every part of the formula.
@@ -366,9 +449,15 @@ class _Batch:
     """
 
     def __init__(
-        self, meaning: Meaning, source: Source, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None
+        self,
+        meaning: Meaning,
+        source: Source,
+        signals: Mapping[str, ArrayLike],
+        lengths: ArrayLike | None,
+        origin: int = 0,
     ) -> None:
         self.meaning, self.source = meaning, source
+        self.origin = origin  # the number of the first sample, in messages
         if not isinstance(signals, Mapping):
             raise self.error(
                 next(iter(meaning.signals)),
@@ -470,7 +559,7 @@ class _Batch:
             row, step = map(int, bad[0])
             raise self.error(
                 name,
-                f"signal '{name}' is {array[row, step]} at trajectory {row}, step {step}; expected "
+                f"signal '{name}' is {array[row, step]} at trajectory {row}, step {step + self.origin}; expected "
                 f"finite numbers; "
                 "repair the recording or cut it with lengths",
             )
@@ -507,6 +596,10 @@ class _Batch:
                 parts.update({(name, i): array[:, :, i] for i in range(array.shape[2])})
         return parts
 
+    def whole(self) -> dict[tuple[str, int | None], Array]:
+        """The signals of all trajectories."""
+        return self._block(slice(0, self.count))
+
     def _begun(self, rows: slice) -> Array:
         count = len(range(*rows.indices(self.count)))
         if self.offset is None:
@@ -528,6 +621,10 @@ class _Batch:
         row += rows.start
         if self.offset is not None:
             step = max(0, step - int(self.offset[row]))
+        return self.not_finite(node, step, row)
+
+    def not_finite(self, node: int, step: int, row: int) -> TraceError:
+        """What is wrong with an expression at a step of a trajectory."""
         place = self.meaning.places[node]
         problem = {
             "divide": "division by zero or overflow",
@@ -537,10 +634,10 @@ class _Batch:
             "acos": "the arc cosine of a number beyond -1 and 1",
             "mod": "division by zero",
             "power": "a power without a finite value",
-        }.get(ready.graph.ops[node].name, "a number too large for a float")
+        }.get(self.meaning.graph.ops[node].name, "a number too large for a float")
         return TraceError(
             self.source,
             place.span,
-            f"'{place.text}' has no finite value at trajectory {row}, step {step}: {problem}; "
+            f"'{place.text}' has no finite value at trajectory {row}, step {step + self.origin}: {problem}; "
             "expected a finite number; guard the expression or repair the recording",
         )

@@ -28,6 +28,7 @@ STYLES: dict[str, dict[str, Any]] = {
     "continuous_episodic": {"color": "#0072B2", "linestyle": "-."},
     "discrete_step": {"color": "#E69F00", "linestyle": ":"},
     "continuous_step": {"color": "#3E9ED6", "linestyle": (0, (5, 1, 1, 1, 1, 1))},
+    "tltl_step": {"color": "#009E73", "linestyle": (0, (1, 1))},
 }
 LABELS = {
     "tltl_episodic": "TLTL robustness, episode-based",
@@ -35,6 +36,7 @@ LABELS = {
     "continuous_episodic": "continuous, episode-based",
     "discrete_step": "discrete, step-based",
     "continuous_step": "continuous, step-based",
+    "tltl_step": "TLTL robustness, step-based",
 }
 PANELS = {  # what is drawn of learning_curves.csv
     "robustness_mean": "sampled trajectories",

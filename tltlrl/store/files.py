@@ -7,6 +7,7 @@ import hashlib
 import io
 import json
 import os
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from typing import Any
 import numpy as np
 
 TEMPORARY = ".part"
+LEFTOVER = re.compile(rf"\..+\.\d+{re.escape(TEMPORARY)}")
 
 
 def write_bytes(path: Path, content: bytes) -> None:
@@ -53,9 +55,10 @@ def digest(content: bytes) -> str:
 
 
 def clear_leftovers(folder: Path) -> None:
-    """Deletes what processes that were killed in the middle of writing have left in `folder`."""
+    """Deletes what processes that were killed in the middle of writing have left in `folder`: files of our names."""
     for path in folder.glob(f".*{TEMPORARY}"):
-        path.unlink(missing_ok=True)
+        if LEFTOVER.fullmatch(path.name) and path.is_file() and not path.is_symlink():
+            path.unlink(missing_ok=True)
 
 
 def write_text(path: Path, content: str) -> None:

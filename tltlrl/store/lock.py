@@ -41,7 +41,7 @@ def held(folder: Path, patience: float = 0.0) -> Iterator[None]:
 
     Raises:
       BusyError: if another process holds it for longer.
-      UserError: if the folder cannot be written, or its file system has no locks.
+      UserError: if the folder cannot be written, or its file system has no locks, or its `.lock` is somebody else's.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -49,12 +49,20 @@ def held(folder: Path, patience: float = 0.0) -> Iterator[None]:
     except OSError as error:
         raise UserError(f"{folder} cannot be written ({error.strerror}); set another runs_dir=...") from error
     try:
+        _check_ours(folder, descriptor)
         _wait(folder, descriptor, time.monotonic() + patience)
         os.ftruncate(descriptor, 0)
         os.pwrite(descriptor, f"{os.getpid()}\n".encode(), 0)
         yield
     finally:
         os.close(descriptor)
+
+
+def _check_ours(folder: Path, descriptor: int) -> None:
+    """Whether the lock is empty or holds a number, as each of ours; another program's is left as it is."""
+    content = os.pread(descriptor, 32, 0)
+    if content and not content.strip().isdigit():
+        raise UserError(f"{folder}/{LOCK} is not one of tltlrl's; set another name=... or runs_dir=...")
 
 
 def _wait(folder: Path, descriptor: int, deadline: float) -> None:

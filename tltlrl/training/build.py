@@ -217,6 +217,12 @@ def check(study: Study) -> None:
     for name in study.reward.step:
         if name not in names:
             raise UserError(f"reward.step.{name}: no such key{nearest(name, names)}")
+    for case in study.cases:
+        if case.reward == TLTL and LEARNERS.get(case.learner).by_step and study.algorithm.told == "leximin":
+            raise UserError(
+                f"algorithm.told: leximin is a rank among whole trajectories, and {case.name} learns step by step; "
+                "expected robustness or normalised; set it, or leave the case out"
+            )
     first = {run.case: run for run in reversed(study.runs())}
     task = make_task(study.task)
     for run in first.values():

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tltlrl.learning.scores import Scores, leximin
+from tltlrl.logic import telescope
 from tltlrl.tasks.task import Signals, StepReward
 from tltlrl.training.build import Setup, draw
 from tltlrl.training.study import Run
@@ -61,7 +62,10 @@ def iterate(run: Run, setup: Setup, state: Any, iteration: int) -> Iteration:
             told = leximin(np.stack(list(clauses.values()), axis=1))
         elif setup.told is not run.spec:
             told = setup.told.robustness(sample_signals, trajectories.lengths[:samples])
-    scores = score(setup.reward, sample_signals, told)
+    rewards = None
+    if setup.reward is None and setup.learner.by_step:
+        rewards = telescope(setup.told, sample_signals, trajectories.lengths[:samples])
+    scores = score(setup.reward, sample_signals, told, rewards)
     following, diagnostics = setup.learner.tell(state, drawn.offsets[:samples], scores)
     record = {
         "return_mean": scores.returns.mean(),
@@ -76,7 +80,7 @@ def iterate(run: Run, setup: Setup, state: Any, iteration: int) -> Iteration:
     return Iteration(following, {name: float(value) for name, value in record.items()}, env_steps, physics_seconds)
 
 
-def score(reward: StepReward | None, signals: Signals, told: Array) -> Scores:
+def score(reward: StepReward | None, signals: Signals, told: Array, telescoped: Array | None = None) -> Scores:
     """What the learner is told, in the reward's own units.
 
     After an early end a hand-made reward goes on as at the last sample (an absorbing state): otherwise an episode
@@ -86,8 +90,9 @@ def score(reward: StepReward | None, signals: Signals, told: Array) -> Scores:
       reward: the hand-made one; None to learn from the spec.
       signals: of the sampled trajectories, shapes (N, T) and (N, T, k).
       told: what is told of the spec on them, shape (N,).
+      telescoped: the same step by step, shape (N, T), for learners that need it.
     """
     if reward is None:
-        return Scores(told)
+        return Scores(told, telescoped)
     rewards, _ = reward(signals)
     return Scores(rewards.sum(axis=1), rewards)

@@ -1,0 +1,134 @@
+"""Gymnasium environments whose reward is a spec's robustness."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+gymnasium = pytest.importorskip("gymnasium")
+from gymnasium.utils.env_checker import check_env  # noqa: E402
+
+import tltlrl.gym  # noqa: E402
+from tltlrl.errors import UserError  # noqa: E402
+from tltlrl.logic import parse_spec  # noqa: E402
+from tltlrl.logic.potential import finite  # noqa: E402
+
+SHORT = "signal ee[2]\nspec: F[0,20] (ee.x > 0.5) & G (ee.y > -1)"
+
+
+def episode(env, seed=3):
+    env.action_space.seed(seed)
+    observation, info = env.reset(seed=seed)
+    rows, over = [(observation, 0.0, info)], False
+    while not over:
+        observation, reward, over, truncated, info = env.step(env.action_space.sample())
+        assert not truncated
+        rows.append((observation, reward, info))
+    return rows
+
+
+@pytest.mark.parametrize("name", ["ReachAvoid", "VisitInOrder"])
+def test_gymnasiums_own_check_has_nothing_to_say(name):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        env = gymnasium.make(f"tltlrl/{name}-v0")
+        check_env(env.unwrapped, skip_render_check=True)
+
+
+@pytest.mark.parametrize("reward", ["telescoped", "final"])
+def test_the_rewards_of_an_episode_sum_to_its_robustness(reward):
+    env = gymnasium.make("tltlrl/VisitInOrder-v0", reward=reward)
+    rows = episode(env)
+    total, info = sum(reward for _, reward, _ in rows), rows[-1][2]
+    begin = 0.0 if reward == "final" else phi_at_start(env.unwrapped._arms)
+    np.testing.assert_allclose(total, finite(np.array(info["robustness"])) - begin, rtol=0, atol=1e-12)
+    assert info["is_success"] == (info["robustness"] > 0)
+    assert info["decided_by"].startswith("at step ")
+    assert all(row[2]["lower"] <= info["robustness"] <= row[2]["upper"] for row in rows)
+    assert len(rows) == env.unwrapped._arms.task.steps
+    if reward == "final":
+        assert not any(reward for _, reward, _ in rows[:-1])
+
+
+def phi_at_start(arms):
+    arms.begin(0)
+    return arms.judges[0]._phi
+
+
+def test_a_spec_of_ones_own_with_constants(tmp_path):
+    path = tmp_path / "task.tltl"
+    path.write_text("signal ee[2]\nconst far = 0.5\nspec: F (ee.x > far)")
+    env = gymnasium.make("tltlrl/ReachAvoid-v0", spec=str(path), constants={"far": -9})
+    assert episode(env)[-1][2]["is_success"]
+    with pytest.raises(UserError, match="reward: no such reward finale; did you mean final"):
+        gymnasium.make("tltlrl/ReachAvoid-v0", reward="finale")
+    with pytest.raises(UserError, match="needs the whole past, which no observation holds"):
+        gymnasium.make(
+            "tltlrl/ReachAvoid-v0", spec=parse_spec("signal ee[2]\nspec: G (ee.x > 0 => F[0,300] G ee.y > 0)")
+        )
+
+
+def test_many_environments_are_as_each_alone():
+    spec = parse_spec(SHORT)
+    many = gymnasium.make_vec("tltlrl/ReachAvoid-v0", num_envs=3, spec=spec, vectorization_mode="vector_entry_point")
+    assert many.metadata["autoreset_mode"] == gymnasium.vector.AutoresetMode.NEXT_STEP
+    alone = [gymnasium.make("tltlrl/ReachAvoid-v0", spec=spec) for _ in range(3)]
+    observations, _ = many.reset(seed=7)
+    for i, env in enumerate(alone):
+        np.testing.assert_array_equal(env.reset(seed=7 + i)[0], observations[i])
+    generator, over = np.random.default_rng(0), np.zeros(3, dtype=bool)
+    for _ in range(alone[0].unwrapped._arms.task.steps + 3):
+        actions = generator.uniform(-1, 1, (3, 3)).astype(np.float32)
+        observations, rewards, terminated, truncated, infos = many.step(actions)
+        for i, env in enumerate(alone):
+            if over[i]:
+                (observation, info), reward, ended = env.reset(), 0.0, False
+            else:
+                observation, reward, ended, _, info = env.step(actions[i])
+            np.testing.assert_array_equal(observation, observations[i])
+            assert (reward, ended, False) == (rewards[i], terminated[i], truncated[i])
+            assert info["robustness"] == infos["robustness"][i]
+            over[i] = ended
+
+
+class Walk(gymnasium.Env):
+    """Somebody else's environment."""
+
+    observation_space = gymnasium.spaces.Dict({"at": gymnasium.spaces.Box(-9, 9, (3,))})
+    action_space = gymnasium.spaces.Box(-1, 1, (1,))
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed, options=options)
+        self.at = np.zeros(3)
+        return {"at": self.at.copy()}, {"fuel": 5.0}
+
+    def step(self, action):
+        self.at[1] += action[0]
+        return {"at": self.at.copy()}, -1.0, False, bool(self.at[1] > 2), {"fuel": 5.0 - self.at[1]}
+
+
+def test_a_spec_around_another_environment():
+    spec = parse_spec("signal p[2]\nsignal fuel\nsignal u\nspec: F (p.y > 1.5) & G (fuel > 1) & G (u < 2)")
+    env = tltlrl.gym.wrap(Walk(), spec, {"p": "observation[at][0:2]", "fuel": "info[fuel]", "u": "action[0]"})
+    env.reset()
+    total, over = 0.0, False
+    while not over:
+        _, reward, _, over, info = env.step(np.array([1.0]))
+        total += reward
+    assert info["is_success"]
+    assert info["robustness"] == 1.0
+    assert info["decided_by"] == "at step 3 by fuel > 1, margin +1"
+
+
+@pytest.mark.parametrize(
+    ("signals", "problem"),
+    [
+        ({}, "signals: the spec needs x; expected its place"),
+        ({"x": "__import__('os')"}, "signals: x is at '__import__\\('os'\\)'; expected observation, info or action"),
+        ({"x": "observation[to]"}, "signals: x: there is no 'to' in dict"),
+        ({"x": "observation[at]"}, r"signals: x has shape \(3,\) at its place; expected 1 numbers"),
+    ],
+)
+def test_places_that_cannot_be_read(signals, problem):
+    with pytest.raises(UserError, match=problem):
+        tltlrl.gym.wrap(Walk(), parse_spec("F (x > 1)"), signals).reset()

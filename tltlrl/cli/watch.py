@@ -1,0 +1,106 @@
+"""`tltl watch SPEC`: robustness of a trajectory while it runs, from samples on standard input, line by line."""
+
+import sys
+from argparse import ArgumentParser, Namespace
+from collections.abc import Iterable, Mapping
+from io import TextIOWrapper
+from pathlib import Path
+from typing import TextIO
+
+from tltlrl.cli.check import constants_from, read_spec
+from tltlrl.errors import UserError
+from tltlrl.logic import Explanation, TraceError
+from tltlrl.logic.monitor import Reading
+from tltlrl.logic.stream import samples
+
+NOTES = """\
+Standard input holds one sample per line: CSV with a header, its columns named as for tltl check, or JSON objects such
+as {"ee": [0.1, 0.2], "gripper": 3}. Each sample is answered at once with one line: its number; the robustness if the
+trajectory ended there; the lower and the upper bound that hold however it goes on; and what decides the robustness.
+A line that is no sample is told on standard error and left out, as if it were not there. Ctrl-C ends the trajectory.
+
+exit codes:
+  0  the trajectory satisfies the spec (robustness > 0), or whoever read the output went away
+  1  it does not (robustness <= 0)
+  2  something in the spec, the header or the command has to be mended, or there was no sample
+"""
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Adds the arguments of `tltl watch`."""
+    parser.epilog = NOTES
+    parser.add_argument("spec", metavar="SPEC", help="a .tltl file: a path of your own, or one that comes with tltlrl")
+    parser.add_argument(
+        "--set",
+        metavar="NAME=VALUE",
+        action="append",
+        default=[],
+        help="override a constant: goal_radius=0.3, goal=[1,2], goal.r=[1,2]; may be repeated",
+    )
+    parser.add_argument("--period", metavar="SECONDS", type=float, help="between two samples, for bounds in seconds")
+
+
+def run(arguments: Namespace) -> int:
+    """The command; returns its exit code.
+
+    Raises:
+      UserError: for exit code 2.
+    """
+    if isinstance(sys.stdin, TextIOWrapper):  # a byte that is no text makes a bad line, not an end
+        sys.stdin.reconfigure(encoding="utf-8", errors="replace")
+    return watch(arguments.spec, sys.stdin, constants_from(arguments.set), arguments.period)
+
+
+def watch(
+    path: str | Path,
+    lines: Iterable[str],
+    constants: Mapping[str, object] | None = None,
+    period: float | None = None,
+    out: TextIO | None = None,
+) -> int:
+    """Answers each sample in some lines with a line.
+
+    Args:
+      path: of a .tltl file.
+      lines: of CSV or JSON.
+      constants: in place of the spec's own.
+      period: between two samples, s.
+      out: where to print, standard output if not given.
+
+    Returns:
+      The exit code 0 or 1 (see NOTES).
+
+    Raises:
+      UserError: for a spec or a header that has to be mended, or if there is no sample.
+    """
+    out = out or sys.stdout
+    if period is not None and not 0 < period < float("inf"):
+        raise UserError(f"--period {period:g}: expected a positive number of seconds")
+    spec = read_spec(str(path), constants)
+    if period is not None:
+        spec = spec.sampled(period)
+    witness, why = spec.watch(), None
+    try:
+        for sample in samples(lines, spec.signals, "<stdin>"):
+            try:
+                if isinstance(sample, UserError):
+                    raise sample
+                reading = witness.update(sample)
+            except (UserError, TraceError) as mistake:
+                print(f"tltl watch: {mistake}; left out", file=sys.stderr, flush=True)
+            else:
+                why = witness.explanation()
+                print(answer(witness.steps - 1, reading, why), file=out, flush=True)
+    except KeyboardInterrupt:  # how a person ends what goes on without end
+        print(file=sys.stderr)
+    if why is None:
+        raise UserError("<stdin>: there are no samples; expected one per line, CSV with a header or JSON objects")
+    print(why, file=out, flush=True)
+    return 0 if why.satisfied else 1
+
+
+def answer(step: int, reading: Reading, why: Explanation) -> str:
+    """The line about one sample."""
+    robustness, lower, upper = (f"{float(a[0]) + 0.0:+.6g}" for a in (reading.robustness, reading.lower, reading.upper))
+    decided = "decided" if reading.decided[0] else "open"
+    return f"{step:6}  robustness {robustness:>12}  bounds {lower:>12} {upper:>12}  {decided:7}  {why.decided_by}"

@@ -1,0 +1,105 @@
+"""Operators of the past, one sample after the other: what each has to remember, and nothing more."""
+
+from collections import deque
+from collections.abc import Mapping
+
+import numpy as np
+
+from tltlrl.logic.graph import FOREVER, PAST, Array, Graph, Op, apply
+
+_BEFORE = {"historically": np.inf, "once": -np.inf, "since": -np.inf}
+
+
+class NotFiniteError(Exception):
+    """A node without a finite value, and the first trajectory where that is so."""
+
+    def __init__(self, node: int, row: int) -> None:
+        super().__init__(node, row)
+        self.node, self.row = node, row
+
+
+class Memory:
+    """What the nodes of a graph remember that look back.
+
+    Attributes:
+      present: nodes that do not look back, on which they stand.
+    """
+
+    def __init__(self, graph: Graph, roots: list[int], count: int) -> None:
+        self._graph, self._count = graph, count
+        below = graph.below(roots)
+        self._nodes = [node for node in below if graph.looks_back[node]]
+        needed = {*roots, *(arg for node in self._nodes for arg in graph.ops[node].args)}
+        self.present = sorted(node for node in needed if not graph.looks_back[node])
+        # Of each operator of the past, the values that it may ask for again: the oldest first.
+        self._kept: dict[int, deque[Array]] = {node: deque(maxlen=_length(graph.ops[node])) for node in self._nodes}
+
+    def values(self, present: Mapping[int, Array]) -> dict[int, Array]:
+        """The values at one more sample, (N,), from those of the nodes of the present. Nothing is remembered yet.
+
+        Raises:
+          NotFiniteError: where arithmetic has no finite value.
+        """
+        values = {node: value[:, 0] if value.ndim else np.full(self._count, value) for node, value in present.items()}
+        for node in self._nodes:
+            op = self._graph.ops[node]
+            args = [values[arg] for arg in op.args]
+            if op.name in PAST:
+                values[node] = self._past(op, self._kept[node], args)
+                continue
+            try:
+                with np.errstate(divide="raise", over="raise", invalid="raise", under="ignore"):
+                    values[node] = apply(op, args)
+            except FloatingPointError:
+                with np.errstate(all="ignore"):
+                    raise NotFiniteError(node, int(np.argmin(np.isfinite(apply(op, args))))) from None
+        return values
+
+    def remember(self, values: Mapping[int, Array]) -> None:
+        """These were the values at the last sample."""
+        for node, kept in self._kept.items():
+            op = self._graph.ops[node]
+            if op.name in PAST:
+                accumulates = op.name == "since" or op.data == (None,)
+                kept.append(np.array(values[node if accumulates else op.args[0]]))
+
+    def state(self) -> list[Array]:
+        """All of it, a list of (N,) of fixed length; NaN where nothing was yet."""
+        nothing = np.full(self._count, np.nan)
+        return [
+            part
+            for node, kept in self._kept.items()
+            if self._graph.ops[node].name in PAST
+            for part in (*kept, *[nothing] * ((kept.maxlen or 0) - len(kept)))
+        ]
+
+    def _past(self, op: Op, kept: deque[Array], args: list[Array]) -> Array:
+        match op.name, op.data:
+            case "lag", _:
+                return kept[-1] if kept else args[0]
+            case "previous", (int(steps), bool(strong)):
+                if len(kept) == steps:
+                    return kept[0]
+                return np.full(self._count, -np.inf if strong else np.inf)
+            case "since", _:
+                before = kept[-1] if kept else np.full(self._count, -np.inf)
+                return np.maximum(args[1], np.minimum(args[0], before))
+            case ((("once" | "historically") as name), (window,)):
+                fold = np.maximum if name == "once" else np.minimum
+                if not isinstance(window, tuple):
+                    return fold(args[0], kept[-1]) if kept else args[0]
+                low, _ = window
+                seen = [*kept, args[0]]
+                return fold.reduce(seen[: len(seen) - low] or [np.full(self._count, _BEFORE[name])])
+        raise AssertionError(op)
+
+
+def _length(op: Op) -> int:
+    """How many samples an operator of the past keeps."""
+    match op.name, op.data:
+        case "previous", (int(steps), _):
+            return steps
+        case (("once" | "historically"), ((_, int(high)),)):
+            assert high < FOREVER
+            return high
+    return 1

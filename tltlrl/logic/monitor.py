@@ -1,0 +1,115 @@
+"""Robustness while a trajectory runs: exact at every sample, with bounds of what can still become of it.
+
+docs/online.md tells how, with the proof.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tltlrl.logic.graph import Array
+from tltlrl.logic.memory import Memory
+from tltlrl.logic.pursuit import Compiled, Late, Quick, Whole
+from tltlrl.logic.semantics import Signals
+
+# (memory, signals, step) -> signals as (N, 1), values of nodes as (N,)
+Sampler = Callable[[Memory, Mapping[str, ArrayLike], int], tuple[Signals, dict[int, Array]]]
+
+
+class Reading(NamedTuple):
+    """What is known of N trajectories after a sample.
+
+    Attributes:
+      robustness: (N,), if they ended now.
+      lower, upper: (N,), which the robustness stays between, however they go on.
+      decided: (N,), whether these two agree.
+      state: (N, M). With it and the samples that follow, nothing else is needed to know all later readings. It may
+        hold infinities. None where the whole past is kept, see `Monitor.keeps_past`.
+    """
+
+    robustness: Array
+    lower: Array
+    upper: Array
+    decided: NDArray[np.bool_]
+    state: Array | None
+
+
+class Monitor:
+    """Robustness of `count` trajectories that run side by side; see `Spec.monitor`.
+
+    Attributes:
+      count: of trajectories.
+      steps: samples read so far.
+      pursuits: of its clauses.
+      literals: their values at the last sample, (1 + literals, N).
+    """
+
+    def __init__(self, spec: Compiled, count: int, sample: Sampler) -> None:
+        self.count, self._spec, self._sample = count, spec, sample
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget all samples; the next one is the first of new trajectories."""
+        self.steps = 0
+        spec, slow = self._spec, [clause for clause in self._spec.clauses if clause.is_slow]
+        self.literals = np.empty((0, self.count))
+        self.pursuits: list[Quick | Late] = [Late(spec, clause, self.count) for clause in slow]
+        self._memory = spec.memory(self.count)
+        self._whole = [Whole(spec.terms.source, node) for node in spec.others]
+        if len(slow) < len(spec.clauses):
+            self.pursuits.append(Quick(spec, self.count))
+
+    @property
+    def reads_whole(self) -> bool:
+        """Whether a part of the spec is evaluated on all samples each time, and has no bounds."""
+        return bool(self._spec.others)
+
+    @property
+    def keeps_past(self) -> bool:
+        """Whether all samples are kept, and a reading takes longer the longer the trajectories are: exact, too."""
+        return self.reads_whole or any(clause.automaton is None for clause in self._spec.clauses)
+
+    def atom_rows(self) -> dict[int, int]:
+        """Which row of `literals` holds which literal, clocks left out."""
+        return {row: one for row, one in enumerate(self._spec.literals, start=1) if one in self._spec.atoms}
+
+    def atom(self, literal: int) -> tuple[int, bool]:
+        """The node of the spec's graph that a literal reads, and False if it reads the negation."""
+        return self._spec.atoms[literal]
+
+    def update(self, signals: Mapping[str, ArrayLike]) -> Reading:
+        """One more sample.
+
+        Args:
+          signals: name => (N,) for a scalar, (N, d) for a vector; of a single trajectory also a number, (d,).
+
+        Raises:
+          TraceError: as `Spec.robustness`; the sample then counts as not read.
+        """
+        block, values = self._sample(self._memory, signals, self.steps)
+        whole = [one.update(block) for one in self._whole]
+        self._memory.remember(values)
+        literals = np.empty((1 + len(self._spec.literals), self.count))
+        literals[0] = np.inf
+        for row, literal in enumerate(self._spec.literals, start=1):
+            if literal in self._spec.atoms:
+                node, sign = self._spec.atoms[literal]
+                (np.positive if sign else np.negative)(values[node], out=literals[row])
+            else:
+                low, high, inside = self._spec.clocks[literal]
+                literals[row] = np.inf if (low <= self.steps <= high) == inside else -np.inf
+        read = [*(pursuit.update(literals, self.steps) for pursuit in self.pursuits), *whole]
+        robustness, lower, upper = read[0] if len(read) == 1 else map(np.minimum.reduce, zip(*read, strict=True))
+        self.steps += 1
+        self.literals = literals
+        return Reading(robustness, lower, upper, lower == upper, self._state())
+
+    def _state(self) -> Array | None:
+        parts = [pursuit.state() for pursuit in self.pursuits]
+        if self.keeps_past or any(part is None for part in parts):
+            return None
+        steps = [np.full((1, self.count), float(self.steps))] if self._spec.clocks else []
+        past = [part[None] for part in self._memory.state()]
+        return np.concatenate([*(part for part in parts if part is not None), *past, *steps]).T

@@ -1,0 +1,100 @@
+"""Potentials of running trajectories whose last value is the robustness, for rewards at every step.
+
+r_t = Phi_t - Phi_{t-1} sums to Phi_{T-1}, whatever Phi is in between: no policy becomes better or worse by it. Phi has
+to be finite (here infinities count as -FLOOR and FLOOR), and robustness-if-it-ended-now is a poor one: -inf as long as
+anything strong is owed, and nothing to say of a second goal before the first. Two that are better, for two kinds of
+learners:
+
+`stages` says how far a trajectory has come. Of each conjunct,
+
+    Phi_t = rho_t + sum over d >= 1 of min(0, best_t(d)),  best_t(d) = max of alpha_t over states at most d from the end
+
+where a state's distance from the end is the fewest guards that have still to be passed. As a goal comes nearer, the
+stage behind it grows, and it is 0 when the goal is reached; nothing drops when an automaton goes on to the next goal,
+for alpha keeps the best of the past. It tells a learner at every step where to go.
+
+`hope` is min(0, upper bound): 0 as long as the spec can still be satisfied. It falls at the step that spoils this, and
+by how much. The return from step t on, which is the robustness less what was spoilt before, has little noise for a
+learner that weighs whole returns, as step-based REPS does. docs/online.md shows what was measured.
+"""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tltlrl.logic.graph import Array
+from tltlrl.logic.monitor import Monitor, Reading
+from tltlrl.logic.pursuit import Quick
+from tltlrl.logic.spec import Spec
+
+FLOOR = 10.0  # in the predicates' unit
+
+Potential = Callable[[Monitor, Reading], Array]
+
+
+def hope(_: Monitor, reading: Reading) -> Array:
+    """By how much the trajectories' robustness will at least be below 0, (N,); 0 if it need not be."""
+    return finite(np.minimum(reading.upper, 0.0))
+
+
+def stages(monitor: Monitor, reading: Reading) -> Array:
+    """How far the trajectories have come, (N,).
+
+    Args:
+      monitor: after its last update.
+      reading: of that update.
+    """
+    phi = finite(reading.robustness)
+    for pursuit in monitor.pursuits:
+        if isinstance(pursuit, Quick):
+            for states in _stages(pursuit):
+                phi = phi + np.minimum(finite(pursuit.alpha[states].max(axis=0)), 0.0)
+    return phi
+
+
+def telescope(
+    spec: Spec,
+    signals: Mapping[str, ArrayLike],
+    lengths: ArrayLike | None = None,
+    phi: Potential = hope,
+) -> Array:
+    """Rewards r_t = Phi_t - Phi_{t-1} of whole trajectories, with Phi_{-1} = 0: they sum to the robustness.
+
+    Args:
+      spec: of the robustness.
+      signals, lengths: as for `Spec.robustness`.
+      phi: what a trajectory that goes on is worth.
+
+    Returns:
+      (N, T), 0 from a trajectory's length on.
+
+    Raises:
+      TraceError: as `Spec.robustness`.
+    """
+    last = finite(spec.robustness(signals, lengths))
+    arrays = {name: np.asarray(signals[name], dtype=np.float64) for name in spec.signals}
+    count, steps = next(iter(arrays.values())).shape[:2]
+    ends = np.full(count, steps) if lengths is None else np.asarray(lengths)
+    values = np.empty((count, steps))
+    monitor = spec.monitor(count)
+    for t in range(steps):
+        at = np.minimum(t, ends - 1)
+        reading = monitor.update({name: array[np.arange(count), at] for name, array in arrays.items()})
+        values[:, t] = np.where(t < ends - 1, phi(monitor, reading), last)
+    return np.diff(values, axis=1, prepend=0.0)
+
+
+def finite(values: Array) -> Array:
+    """The values, an infinite one as -FLOOR or FLOOR."""
+    return np.nan_to_num(values, nan=np.nan, posinf=FLOOR, neginf=-FLOOR)
+
+
+def _stages(quick: Quick) -> list[list[int]]:
+    """Of each automaton and each distance d >= 1 that its states have, the rows of the states at most that far."""
+    found = []
+    for offset, one in zip(quick.together.offsets, quick.together.automata, strict=True):
+        far = one.distances()
+        for d in sorted({own for own in far if 0 < own < np.inf}):
+            found.append([offset + state for state, own in enumerate(far) if own <= d])
+    return found

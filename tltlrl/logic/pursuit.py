@@ -1,0 +1,375 @@
+"""The conjuncts of a spec while trajectories run: all automata step together, on one array.
+
+Where a conjunct's automaton would be too large, because of a long window inside an unbounded operator, it runs as many
+steps late as the window is long, and the samples since then are evaluated as a slice (tltlrl.logic.slices). Where that
+does not help, the whole past is kept: just as exact, and slower the longer it runs.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tltlrl.logic.automaton import Automaton, Guard, Progress, TooLargeError
+from tltlrl.logic.graph import FOREVER, Array, Graph
+from tltlrl.logic.memory import Memory
+from tltlrl.logic.semantics import Plan, Signals, plan
+from tltlrl.logic.slices import Ahead, Slice
+from tltlrl.logic.terms import Terms, UnsupportedError
+
+Clock = tuple[int, int, bool]  # low, high, inside
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True)
+class Clause:
+    """One conjunct of a spec.
+
+    Attributes:
+      term: the conjunct.
+      automaton: of it; of the term with its bounded parts in brackets, when there is a delay; None if too large.
+      delay: how many samples the automaton is behind.
+    """
+
+    term: int
+    automaton: Automaton | None
+    delay: int = 0
+
+    @property
+    def is_slow(self) -> bool:
+        """Whether past samples have to be kept."""
+        return self.automaton is None or self.delay > 0
+
+
+@dataclass(frozen=True)
+class Compiled:
+    """A spec, ready to be monitored.
+
+    Attributes:
+      terms: of the spec.
+      clauses: its conjuncts.
+      others: nodes of the spec's graph whose values complete the minimum; no term says what they do.
+    """
+
+    terms: Terms
+    clauses: tuple[Clause, ...]
+    others: tuple[int, ...] = ()
+    plans: dict[tuple[int, ...], Plan] = field(default_factory=dict)
+
+    @cached_property
+    def literals(self) -> tuple[int, ...]:
+        """Terms that are an atom, its negation, or a clock."""
+        ops = self.terms.graph.ops
+        guards = (guard for clause in self.clauses if clause.automaton for _, guard, _ in clause.automaton.transitions)
+        slow = self.terms.below(clause.term for clause in self.clauses if clause.is_slow)
+        named = slow.union(*guards)
+        return tuple(sorted(term for term in named if ops[term].name in {"literal", "clock"}))
+
+    @cached_property
+    def clocks(self) -> dict[int, Clock]:
+        """Literal => what it says, for the clocks among them."""
+        ops = self.terms.graph.ops
+        return {term: _clock(ops[term].data) for term in self.literals if ops[term].name == "clock"}
+
+    @cached_property
+    def atoms(self) -> dict[int, tuple[int, bool]]:
+        """Literal => node of the spec's graph and sign, for the others."""
+        ops = self.terms.graph.ops
+        return {term: _atom(ops[term].data) for term in self.literals if ops[term].name == "literal"}
+
+    def memory(self, count: int) -> Memory:
+        """For the past of `count` trajectories."""
+        graph = self.terms.source
+        of_others = (node for node in graph.below(self.others) if graph.local[node])
+        return Memory(graph, sorted({*(node for node, _ in self.atoms.values()), *of_others}), count)
+
+    def plan(self, memory: Memory) -> Plan:
+        """Of all that is read of one sample itself."""
+        key = tuple(memory.present)
+        if key not in self.plans:
+            self.plans[key] = plan(self.terms.source, dict.fromkeys(key, (0, 1)), 1)
+        return self.plans[key]
+
+    @cached_property
+    def quick(self) -> "Together":
+        """The automata that are up to date, as one."""
+        own = [clause.automaton for clause in self.clauses if clause.automaton is not None and not clause.is_slow]
+        return Together.of(own, self.literals)
+
+
+def _clock(data: tuple[object, ...]) -> Clock:
+    low, high, inside = data
+    assert isinstance(low, int)
+    assert isinstance(high, int)
+    return low, high, bool(inside)
+
+
+def _atom(data: tuple[object, ...]) -> tuple[int, bool]:
+    node, sign = data
+    assert isinstance(node, int)
+    return node, bool(sign)
+
+
+def compiled(graph: Graph, root: int) -> Compiled:
+    """Make ready to monitor a node of a spec's graph.
+
+    Raises:
+      RecursionError: for a formula that nests too deep.
+    """
+    terms = Terms(graph)
+    progress = Progress(terms)
+    found: dict[int, None] = {}
+    others = []
+    for part in _parts(graph, root):
+        try:
+            found.update(dict.fromkeys(terms.conjuncts(terms.from_start(part))))
+        except UnsupportedError:
+            others.append(part)
+    return Compiled(terms, tuple(_clause(terms, progress, term) for term in found), tuple(others))
+
+
+def _parts(graph: Graph, node: int) -> list[int]:
+    """The nodes whose minimum it is."""
+    op = graph.ops[node]
+    if op.name != "minimum" or graph.local[node]:
+        return [node]
+    return [part for arg in op.args for part in _parts(graph, arg)]
+
+
+def _clause(terms: Terms, progress: Progress, term: int) -> Clause:
+    for read in (term, terms.with_bounded(term)):
+        try:
+            automaton = progress.automaton(read)
+        except TooLargeError:
+            continue
+        delays = [
+            terms.graph.ops[one].data[0] for _, g, _ in automaton.transitions for one in g if _is_bounded(terms, one)
+        ]
+        return Clause(term, automaton, max((d for d in delays if isinstance(d, int)), default=0))
+    return Clause(term, None)
+
+
+def _is_bounded(terms: Terms, term: int) -> bool:
+    return terms.graph.ops[term].name == "bounded"
+
+
+@dataclass(frozen=True)
+class Together:
+    """Some automata as one list of transitions. Numbers are rows of arrays (rows, N).
+
+    Row 0 of the literals is +inf, the guard that asks for nothing; row 0 of the states is -inf, the state that nobody
+    is in.
+
+    Attributes:
+      automata: that it holds.
+      offsets: the number of each one's first state.
+      count: of states.
+      rows, starts: literals of all guards, one guard after the other, and where each begins.
+      sources, guards: of the transitions, ordered by where they lead.
+      targets, heads: where they lead, and the first transition to there.
+    """
+
+    automata: tuple[Automaton, ...]
+    offsets: tuple[int, ...]
+    count: int
+    rows: Indices
+    starts: Indices
+    sources: Indices
+    guards: Indices
+    targets: Indices
+    heads: Indices
+
+    @staticmethod
+    def of(automata: Iterable[Automaton], literals: tuple[int, ...]) -> "Together":
+        """Put automata together whose guards hold some literals."""
+        own = tuple(automata)
+        row = {literal: i for i, literal in enumerate(literals, start=1)}
+        sizes = [len(a.states) for a in own]
+        offsets = tuple(1 + sum(sizes[:i]) for i in range(len(own)))
+        arrows = [(b + o, a + o, guard) for o, one in zip(offsets, own, strict=True) for a, guard, b in one.transitions]
+        arrows.sort(key=lambda arrow: arrow[:2])
+        guards: dict[Guard, int] = {}
+        for _, _, guard in arrows:
+            guards.setdefault(guard, len(guards))
+        lists = [sorted(row[literal] for literal in guard) or [0] for guard in guards]
+        targets = np.array([b for b, _, _ in arrows], np.intp)
+        heads = np.flatnonzero(np.diff(targets, prepend=-1))
+        return Together(
+            own,
+            offsets,
+            1 + sum(sizes),
+            np.array([i for one in lists for i in one], np.intp),
+            np.cumsum([0, *map(len, lists[:-1])], dtype=np.intp),
+            np.array([a for _, a, _ in arrows], np.intp),
+            np.array([guards[guard] for _, _, guard in arrows], np.intp),
+            targets[heads],
+            heads,
+        )
+
+    def transitions(self) -> Iterator[tuple[int, Sequence[int], int]]:
+        """From which state, with which rows of literals, to which."""
+        lists = [part.tolist() for part in np.split(self.rows, self.starts[1:])]
+        into = np.repeat(self.targets, np.diff(self.heads, append=len(self.sources)))
+        for source, guard, target in zip(self.sources.tolist(), self.guards.tolist(), into.tolist(), strict=True):
+            yield source, lists[guard], target
+
+    def start(self, count: int) -> Array:
+        """The states' values before the first sample, (states, N)."""
+        alpha = np.full((self.count, count), -np.inf)
+        alpha[list(self.offsets)] = np.inf
+        return alpha
+
+    def step(self, alpha: Array, literals: Array) -> Array:
+        """The states' values after one more sample, whose literals are (1 + literals, N)."""
+        after = np.full_like(alpha, -np.inf)
+        if len(self.sources):
+            guards = np.minimum.reduceat(literals.take(self.rows, axis=0), self.starts, axis=0)
+            ways = np.minimum(alpha.take(self.sources, axis=0), guards.take(self.guards, axis=0))
+            after[self.targets] = np.maximum.reduceat(ways, self.heads, axis=0)
+        return after
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """Which states are looked at for robustness, lower and upper bound.
+
+    The value is the minimum over groups of the maximum over the states of a group.
+    """
+
+    rows: Indices
+    starts: Indices
+    cuts: tuple[int, int]  # groups before the first are for the robustness, then come lower, then upper bound
+
+    @staticmethod
+    def of(together: Together, never: frozenset[int], forever: frozenset[int]) -> "Summary":
+        """Where some literals will be -inf from now on, others +inf."""
+        groups: tuple[list[list[int]], ...] = ([], [], [])
+        for offset, one in zip(together.offsets, together.automata, strict=True):
+            sets = ([one.ending()], one.secured(forever), [one.hopeful(never)])
+            for kind, own in zip(groups, sets, strict=True):
+                kind.extend([offset + state for state in sorted(states)] or [0] for states in own)
+        lists = [group for kind in groups for group in kind]
+        return Summary(
+            np.array([row for group in lists for row in group], np.intp),
+            np.cumsum([0, *map(len, lists[:-1])], dtype=np.intp),
+            (len(groups[0]), len(groups[0]) + len(groups[1])),
+        )
+
+    def read(self, alpha: Array) -> tuple[Array, Array, Array]:
+        """Robustness, lower and upper bound, (N,) each."""
+        values = np.maximum.reduceat(alpha.take(self.rows, axis=0), self.starts, axis=0)
+        a, b = self.cuts
+        fold = np.minimum.reduce
+        return fold(values[:a], axis=0), fold(values[a:b], axis=0), fold(values[b:], axis=0)
+
+
+class Quick:
+    """Clauses whose automata are up to date.
+
+    Attributes:
+      together: all of them.
+      alpha: the states' values, (states, N).
+    """
+
+    def __init__(self, spec: Compiled, count: int) -> None:
+        self._spec, self.together = spec, spec.quick
+        self.alpha = self.together.start(count)
+        own = {literal for one in self.together.automata for _, guard, _ in one.transitions for literal in guard}
+        self._clocks = {literal: clock for literal, clock in spec.clocks.items() if literal in own}
+        self._summaries: dict[tuple[frozenset[int], frozenset[int]], Summary] = {}
+        self._turns = {edge for low, high, _ in self._clocks.values() for edge in (low - 1, high)}
+        self._summary = self._summary_after(-1)
+
+    def update(self, literals: Array, step: int) -> tuple[Array, Array, Array]:
+        """One more sample, of whose literals the values are (1 + literals, N): robustness, lower, upper."""
+        self.alpha = self.together.step(self.alpha, literals)
+        if step in self._turns or step == 0:
+            self._summary = self._summary_after(step)
+        return self._summary.read(self.alpha)
+
+    def _summary_after(self, step: int) -> Summary:
+        """What is looked at when the next sample is step + 1."""
+        key = settled(self._clocks, step)
+        if key not in self._summaries:
+            self._summaries[key] = Summary.of(self.together, *key)
+        return self._summaries[key]
+
+    def state(self) -> Array:
+        """What later values depend on, (rows, N)."""
+        return self.alpha[1:]
+
+
+class Late:
+    """A clause whose automaton is some samples behind; without an automaton, it never starts.
+
+    Attributes:
+      together: the automaton.
+      alpha: the states' values, (states, N).
+    """
+
+    def __init__(self, spec: Compiled, clause: Clause, count: int) -> None:
+        self._spec, self._clause = spec, clause
+        automaton = clause.automaton or Automaton((frozenset({(True, clause.term)}),), ())
+        self._bounded = sorted({one for _, guard, _ in automaton.transitions for one in guard} - set(spec.literals))
+        self.together = Together.of([automaton], (*spec.literals, *self._bounded))
+        self.alpha = self.together.start(count)
+        self._past: list[Array] = []  # one (1 + literals, N) per sample that the automaton has not seen
+
+    def update(self, literals: Array, step: int) -> tuple[Array, Array, Array]:
+        """One more sample, of whose literals the values are (1 + literals, N): robustness, lower, upper."""
+        self._past.append(literals)
+        if self._clause.automaton is not None and len(self._past) > self._clause.delay:
+            oldest = self._slice(None)
+            bounded = [oldest.of(term)[:, 0] for term in self._bounded]
+            self.alpha = self.together.step(self.alpha, np.stack([*self._past.pop(0), *bounded]))
+        never, forever = settled(self._spec.clocks, step)
+        return self._read(None), self._read(Ahead(False, never, forever)), self._read(Ahead(True, never, forever))
+
+    def _slice(self, ahead: Ahead | None) -> Slice:
+        values = np.stack(self._past, axis=2)
+        return Slice(self._spec.terms, dict(zip(self._spec.literals, values[1:], strict=True)), ahead)
+
+    def _read(self, ahead: Ahead | None) -> Array:
+        """The best way through a state, and its obligations on the samples since then."""
+        (automaton,), best = self.together.automata, self.alpha[0]
+        rest = self._slice(ahead)
+        for state, alpha in zip(automaton.states, self.alpha[1:], strict=True):
+            best = np.maximum(best, np.minimum(alpha, rest.all_of(state)[:, 0]))
+        return best
+
+    def state(self) -> Array | None:
+        """What later values depend on, (rows, N); None where that grows."""
+        if self._clause.automaton is None:
+            return None
+        missing = self._clause.delay - len(self._past)
+        nothing = np.full((missing * (1 + len(self._spec.literals)), self.alpha.shape[1]), np.nan)
+        return np.concatenate([self.alpha[1:], *self._past, nothing])
+
+
+class Whole:
+    """A node that no term says, such as the past of a future: evaluated on all samples each time, without bounds."""
+
+    def __init__(self, graph: Graph, node: int) -> None:
+        self._graph, self._node = graph, node
+        self._past: list[Signals] = []
+
+    def update(self, block: Signals) -> tuple[Array, Array, Array]:
+        """One more sample, its signals (N, 1): robustness, lower, upper."""
+        self._past.append({key: np.array(values) for key, values in block.items()})
+        signals = {key: np.concatenate([one[key] for one in self._past], axis=1) for key in block}
+        steps = len(self._past)
+        value = plan(self._graph, {self._node: (0, 1)}, steps).run(signals)[self._node][:, 0]
+        return value, np.full_like(value, -np.inf), np.full_like(value, np.inf)
+
+
+def settled(clocks: Mapping[int, Clock], step: int) -> tuple[frozenset[int], frozenset[int]]:
+    """The clocks that are -inf at all steps after `step`, and those that are +inf."""
+    never, forever = set[int](), set[int]()
+    for literal, (low, high, inside) in clocks.items():
+        if high <= step:
+            (never if inside else forever).add(literal)
+        elif low <= step + 1 and high == FOREVER:
+            (forever if inside else never).add(literal)
+    return frozenset(never), frozenset(forever)
