@@ -14,7 +14,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import gymnasium
+try:
+    import gymnasium
+except ModuleNotFoundError:
+    raise ImportError("tltlrl.gym needs Gymnasium; install it with: pip install 'tltlrl[gym]'") from None
 import numpy as np
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from tltlrl.errors import UserError, nearest
@@ -27,15 +27,17 @@ class Registry:
       what: "task" or "learner", for messages.
       group: the entry points' group.
       built_in: name => "module:attribute"; a package cannot take one of these names.
+      described: the same for names that are not listed: what they stand for is described by a file of the user's.
     """
 
     what: str
     group: str
     built_in: Mapping[str, str]
+    described: Mapping[str, str] = field(default_factory=dict)
 
     def names(self) -> list[str]:
         """Every name: the built-in ones first, then those of packages in alphabetical order."""
-        return [*self.built_in, *sorted(self._of_packages().keys() - self.built_in.keys())]
+        return [*self.built_in, *sorted(self._of_packages().keys() - self.built_in.keys() - self.described.keys())]
 
     def get(self, name: str) -> Any:
         """What the name stands for, imported.
@@ -43,14 +45,15 @@ class Registry:
         Raises:
           UserError: if there is no such name, or what it stands for cannot be imported.
         """
-        address = self.built_in.get(name) or self._of_packages().get(name)
+        own = {**self.built_in, **self.described}
+        address = own.get(name) or self._of_packages().get(name)
         if address is None:
             raise UserError(f"no {self.what} is named {name}{nearest(name, self.names())}")
         module, _, attribute = address.partition(":")
         try:
             return getattr(importlib.import_module(module), attribute)
         except (ImportError, AttributeError) as error:
-            if name in self.built_in:
+            if name in own:
                 raise
             raise UserError(
                 f"the {self.what} {name} cannot be loaded from {address} ({error}); mend or uninstall its package"
@@ -70,6 +73,7 @@ TASKS = Registry(
         "visit_in_order": "tltlrl.tasks.planar_arm:VISIT_IN_ORDER",
         "toast": "tltlrl.tasks.toast:TOAST",
     },
+    {"mjcf": "tltlrl.tasks.mjcf:MJCF"},
 )
 LEARNERS = Registry(
     "learner",

@@ -31,6 +31,7 @@ class Setting:
       above, below: bounds that it may not reach.
       choices: the words that it may be, or none for any.
       budget: whether it only makes a run cheaper or dearer (a search varies none of these).
+      place: whether it says where something lies that has a digest of its own: a run is the same wherever that is.
     """
 
     meaning: str
@@ -40,6 +41,7 @@ class Setting:
     below: float | None = None
     choices: tuple[str, ...] = ()
     budget: bool = False
+    place: bool = False
 
 
 def setting(meaning: str, default: Any = MISSING, **bounds: Any) -> Any:
@@ -53,6 +55,14 @@ def setting(meaning: str, default: Any = MISSING, **bounds: Any) -> Any:
 def settings_of(kind: type) -> dict[str, Setting]:
     """Name => setting, of the fields of a dataclass that have one."""
     return {f.name: f.metadata["setting"] for f in dataclasses.fields(kind) if "setting" in f.metadata}
+
+
+def without_places(settings: Any) -> dict[str, Any]:
+    """A dataclass of settings as plain data, but for those that say where something lies."""
+    known = settings_of(type(settings))
+    return {
+        key: value for key, value in dataclasses.asdict(settings).items() if key not in known or not known[key].place
+    }
 
 
 def check(settings: Any, section: str) -> None:

@@ -16,6 +16,8 @@ from tltlrl.errors import UserError
 COMMANDS = {
     "check": "check a spec and, with a trace, print robustness, verdict and explanation",
     "watch": "follow a trajectory while it runs: samples on standard input, robustness and bounds at once",
+    "new": "a page and a spec for a robot of your own, from its MJCF file",
+    "tasks": "the tasks; of one its signals, with what values they take",
     "evaluate": "trials of a learned policy and their success rate",
     "render": "a picture of the workspace with the learned paths, and a video",
     "plot": "the learning curves of one or more experiments, from their CSV files",
@@ -50,7 +52,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _tltl(arguments: list[str]) -> int:
     if arguments and arguments[0] in COMMANDS:
-        if arguments[0] != "render":
+        if arguments[0] != "render" and not any(argument.startswith("--picture") for argument in arguments):
             _render_nothing()
         module = importlib.import_module(f"tltlrl.cli.{arguments[0]}")
         parser = argparse.ArgumentParser(

@@ -23,14 +23,21 @@ def differences(
 ) -> str:
     """What keeps results of one config from being continued under another, one line each; empty if nothing does.
 
-    A spec is the same if its file's name is, wherever it lies: its text is compared apart.
+    A spec is the same if its file's name is, wherever it lies: its text is compared apart. So is a robot's page, whose
+    keys are all compared.
 
     Args:
       before, now: the two configs.
       growing: keys with several members, or numbers, with their sections, which may have more of them now.
       added: keys, with their sections, that may be missing before.
     """
-    old, new = (flatten(config) | {"spec": Path(str(config.get("spec"))).name} for config in (before, now))
+    old, new = (
+        {
+            key: Path(str(value)).name if key in ("spec", "task.file") else value
+            for key, value in flatten(config).items()
+        }
+        for config in (before, now)
+    )
     free = {*growing, *(key for key in added if key not in old)}
     lines = [
         f"  {key}: {old.get(key, 'absent')} there, {new.get(key, 'absent')} now"

@@ -89,18 +89,35 @@ def one_value(override: Any) -> None:
 
 
 def completed(overrides: Sequence[str]) -> list[str]:
-    """The overrides as Hydra needs them; task=NAME without an experiment becomes one, to learn from the spec."""
+    """The overrides as Hydra needs them; task=NAME without an experiment becomes one, to learn from the spec.
+
+    Raises:
+      UserError: if the task is a robot's page, and something is wrong with it.
+    """
     addable = [_addable(override) for override in overrides]
     given = {key: value for key, _, value in (override.partition("=") for override in overrides)}
     task = given.get("task")
+    page = task is not None and is_page(task)
+    if page and "experiment" in given:
+        raise UserError(f"task={task}: a robot's page needs no experiment; leave out experiment={given['experiment']}")
     if task is None or given.keys() & {"experiment", "~experiment"}:
         return addable
-    chosen = ["~experiment", f"+reward={given.get('reward', task)}", f"+task={task}"]  # the last is looked for first
-    standing = [f"name={quoted(task)}", "cases=[tltl_episodic]"]
-    if (spec := spec_of(task)) is not None:
-        standing.append(f"spec={quoted(spec)}")
+    standing, name = {"name": task}, task
+    if page:
+        from tltlrl.config import robot  # with MuJoCo, which a mistake elsewhere need not wait for
+
+        path = robot.path_of(task)
+        standing, name = robot.standing(path), robot.offer(path)
+    elif (spec := spec_of(task)) is not None:
+        standing["spec"] = spec
+    chosen = ["~experiment", f"+reward={given.get('reward', name)}", f"+task={name}"]  # the last is looked for first
     rest = [override for override in addable if override.partition("=")[0] not in ("task", "reward")]
-    return [*chosen, *standing, *rest]
+    return [*chosen, *(f"{key}={quoted(value)}" for key, value in standing.items()), "cases=[tltl_episodic]", *rest]
+
+
+def is_page(task: str) -> bool:
+    """Whether the value of `task` is the file of a robot's page, and not a name."""
+    return task.strip("'\"").lower().endswith((".yaml", ".yml"))
 
 
 def spec_of(task: str) -> str | None:
@@ -266,7 +283,7 @@ def _explain_composition(error: Any, overrides: Sequence[str]) -> str:
 def _valid_keys(overrides: Sequence[str]) -> set[str]:
     """Every key of the chosen experiment's config, dotted, and the groups; none if it cannot be composed."""
     try:
-        config = compose([o for o in overrides if o.partition("=")[0] in (*GROUPS, "hydra.searchpath")])
+        config = compose([o for o in overrides if o.partition("=")[0] in (*GROUPS, "spec", "hydra.searchpath")])
     except UserError:
         return set()
     return {*flatten(config), *config, "experiment"}

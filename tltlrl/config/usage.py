@@ -13,13 +13,14 @@ from tltlrl.registry import LEARNERS, TASKS
 from tltlrl.resources import SPECS
 
 WIDTH = 96
-SHOWN = (*GROUPS, "cases", "hydra.searchpath")  # what the page depends on
+SHOWN = (*GROUPS, "cases", "spec", "hydra.searchpath")  # what the page depends on
 
 USAGE = """\
 tltl-run: learn a robot task from its temporal-logic spec, and compare rewards over seeds.
 
   tltl-run experiment=NAME [key=value ...]
   tltl-run task=NAME spec=FILE [key=value ...]
+  tltl-run task=ROBOT.yaml spec=FILE [key=value ...]
 
 Examples
   tltl-run experiment=reach_avoid
@@ -59,7 +60,7 @@ def usage(overrides: Sequence[str]) -> str:
     if shown is None:
         shown = f"experiment={experiments[0]}"
         chosen.append(shown)
-    elif shown.startswith("task=") and spec_of(given["task"]) is None:
+    elif shown.startswith("task=") and "spec" not in given and spec_of(given["task"]) is None:
         chosen.append("spec=my_task.tltl")
     return USAGE.format(
         experiments=", ".join(experiments),

@@ -8,12 +8,13 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from dm_control.mujoco.wrapper import MjvOption
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from tltlrl.errors import UserError
 from tltlrl.learning.policy import Policy
-from tltlrl.logic import Spec
+from tltlrl.logic import Region, Spec
 from tltlrl.simulation.rollout import Simulator
 from tltlrl.simulation.trials import mean_motion
 from tltlrl.tasks.environment import environment
@@ -55,6 +56,23 @@ def render_motion(run: Run, policy: Policy, path: Path) -> None:
     film_strip(frames, task.control_timestep).save(path.with_suffix(".png"))
 
 
+def render_start(task: Task, path: Path) -> None:
+    """The scene at the start with the world's axes: x red, y green, z blue.
+
+    Args:
+      task: of which scene.
+      path: of a .png file.
+
+    Raises:
+      UserError: if no renderer is to be had on this machine.
+    """
+    env = environment(task, noise=False)
+    env.reset()
+    option = MjvOption()
+    option.frame = mujoco.mjtFrame.mjFRAME_WORLD.value
+    Image.fromarray(_frame(env.physics, task.camera, [], option)).save(path)
+
+
 def film_strip(frames: list[Frame], timestep: float) -> Image.Image:
     """Six frames in reading order, each with its time, evenly spread over how much the picture changes.
 
@@ -78,21 +96,22 @@ def film_strip(frames: list[Frame], timestep: float) -> Image.Image:
 
 def motion_frames(task: Task, spec: Spec, policy: Policy) -> list[Frame]:
     """One picture per sample, (HEIGHT, WIDTH, 3): the environment stepped with the mean policy's commands."""
+    places = [region for region in spec.regions if region.signal == "ee" or task.units.get(region.signal or "") == "m"]
     commands = mean_motion(Simulator(task), policy).commands[0]
     env = environment(task, noise=False)
     frames, timestep = [], env.reset()
     for command in commands:
-        frames.append(_frame(env.physics, task.camera, spec))
+        frames.append(_frame(env.physics, task.camera, places))
         if timestep.last():
             break
         timestep = env.step(command)
     return frames
 
 
-def _frame(physics: Any, camera: str | None, spec: Spec) -> Frame:
+def _frame(physics: Any, camera: str | None, places: list[Region], option: Any = None) -> Frame:
     def draw_regions(_: object, scene: mujoco.MjvScene) -> None:
-        for region in spec.regions:
-            if region.signal != "ee" or scene.ngeom == scene.maxgeom:
+        for region in places:
+            if scene.ngeom == scene.maxgeom or len(region.centre or region.lower or ()) not in (2, 3):
                 continue
             if region.centre is not None:
                 centre, size = np.array(region.centre), np.full(3, region.radius)
@@ -117,7 +136,7 @@ def _frame(physics: Any, camera: str | None, spec: Spec) -> Frame:
 
     try:
         view = -1 if camera is None else camera
-        return np.array(physics.render(HEIGHT, WIDTH, camera_id=view, scene_callback=draw_regions))
+        return np.array(physics.render(HEIGHT, WIDTH, camera_id=view, scene_option=option, scene_callback=draw_regions))
     except (RuntimeError, ImportError, mujoco.FatalError) as error:
         raise UserError(
             f"no picture can be rendered on this machine ({error}); install a software renderer (Debian: "

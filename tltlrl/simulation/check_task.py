@@ -162,7 +162,7 @@ def _initial_state(task: Task) -> Iterator[str]:
 def _features(task: Task) -> Iterator[str]:
     qpos, qvel = _states(task)
     features = task.features(qpos, qvel)
-    wrong = list(_array(features, (COUNT, task.width)))
+    wrong = list(_array(features, (COUNT, task.width - _sensed(task, qpos, qvel).shape[1])))
     yield from wrong
     if wrong:
         return
@@ -171,6 +171,34 @@ def _features(task: Task) -> Iterator[str]:
     alone = np.concatenate([task.features(qpos[i : i + 1], qvel[i : i + 1]) for i in range(COUNT)])
     if not np.allclose(alone, features, rtol=0, atol=TOLERANCE):
         yield "those of a state depend on the other states of the batch"
+
+
+def _sensed(task: Task, qpos: Array, qvel: Array) -> Array:
+    """The features that come from sensors, at states, (COUNT, m); m is 0 for a task that has none."""
+    physics, values = task.make_physics(), []
+    for at in zip(qpos, qvel, strict=True):
+        with physics.reset_context():
+            physics.data.qpos[:], physics.data.qvel[:] = at
+        values.append(np.array(physics.data.sensordata))
+    return np.zeros((len(qpos), 0)) if task.sensed is None else task.sensed(np.array(values))
+
+
+def _observed(task: Task) -> Array:
+    """All features of the states, (COUNT, n)."""
+    qpos, qvel = _states(task)
+    return np.concatenate([task.features(qpos, qvel), _sensed(task, qpos, qvel)], axis=1)
+
+
+def _sensed_feedback(task: Task) -> Iterator[str]:
+    qpos, qvel = _states(task)
+    count = _sensed(task, qpos, qvel).shape[1]
+    if count and np.any(task.feedback[:, -count:]):
+        yield "the feedback has gains on features of sensors, which are known after the command only"
+
+
+def _start_spread(task: Task) -> Iterator[str]:
+    if task.start_spread is not None:
+        yield from _array(task.start_spread, (task.make_physics().model.nv,))
 
 
 def _states(task: Task) -> tuple[Array, Array]:
@@ -196,7 +224,7 @@ def _reference(task: Task) -> Iterator[str]:
 
 def _signals(task: Task) -> Iterator[str]:
     rng = np.random.default_rng(1)
-    states = task.features(*_states(task))
+    states = _observed(task)
     features = states[rng.integers(COUNT, size=(COUNT, task.steps))]
     commands = task.command_scale * rng.standard_normal((COUNT, task.steps, _commands(task)))
     signals = task.signals(features, commands)
@@ -213,8 +241,7 @@ def _signals(task: Task) -> Iterator[str]:
 
 
 def _terminated(task: Task) -> Iterator[str]:
-    qpos, qvel = _states(task)
-    ended = task.terminated(task.features(qpos, qvel))
+    ended = task.terminated(_observed(task))
     wrong = list(_array(ended, (COUNT,), bool))
     yield from wrong
     if not wrong and ended[0]:
@@ -320,6 +347,8 @@ STAGES: tuple[dict[str, Rule], ...] = (
         "make_physics": _make_physics,
         "initial_state": _initial_state,
         "features": _features,
+        "sensed": _sensed_feedback,
+        "start_spread": _start_spread,
         "reference": _reference,
         "signals": _signals,
         "terminated": _terminated,

@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tltlrl.errors import UserError
-from tltlrl.tasks.task import Task, draw_command_noise
+from tltlrl.tasks.task import Task, draw_command_noise, draw_starts
 
 Array = NDArray[np.float64]
 HUGE = mujoco.mjMAXVAL  # of a position, velocity or control; MuJoCo would reset the one and leave out the other
 ROUNDING = 1e-6  # of a quotient of times
+mujoco.set_mju_user_warning(lambda _: None)  # a rollout says so itself; MuJoCo would leave a file where the user works
 
 
 def substeps(task: Task, timestep: float) -> int:
@@ -35,6 +36,22 @@ def substeps(task: Task, timestep: float) -> int:
             "one of them"
         )
     return count
+
+
+def of_forces(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Which of a model's sensordata (nsensordata,) are what a step says of the forces and accelerations in it."""
+    return np.repeat(model.sensor_needstage == mujoco.mjtStage.mjSTAGE_ACC.value, model.sensor_dim)
+
+
+def sensors_at(model: mujoco.MjModel, data: mujoco.MjData, states: Array) -> Array:
+    """The sensors' values at full physics states (N, size), without a command: (N, nsensordata)."""
+    values = np.empty((len(states), model.nsensordata))
+    for row, state in zip(values, states, strict=True):
+        mujoco.mj_setState(model, data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS.value)
+        data.ctrl[:], data.qacc_warmstart[:] = 0.0, 0.0
+        mujoco.mj_forward(model, data)
+        row[:] = data.sensordata
+    return values
 
 
 @dataclass(frozen=True)
@@ -71,6 +88,7 @@ class Simulator:
         self._data.qpos[:], self._data.qvel[:] = qpos, qvel
         self._start = np.empty(mujoco.mj_stateSize(self._model, mujoco.mjtState.mjSTATE_FULLPHYSICS.value))
         mujoco.mj_getState(self._model, self._data, self._start, mujoco.mjtState.mjSTATE_FULLPHYSICS.value)
+        self._of_forces = of_forces(self._model)
 
     @property
     def command_range(self) -> tuple[Array, Array]:
@@ -83,7 +101,11 @@ class Simulator:
         """What the actuators add to the commands of `count` trajectories, shape (count, T, d)."""
         return draw_command_noise(self._task, (count, self._task.steps), rng)
 
-    def rollout(self, gain: Array, offsets: Array, command_noise: Array) -> Trajectories:
+    def draw_starts(self, count: int, rng: np.random.Generator) -> Array | None:
+        """How far `count` trajectories start from the task's start, shape (count, nv); None where all start there."""
+        return draw_starts(self._task, count, rng)
+
+    def rollout(self, gain: Array, offsets: Array, command_noise: Array, starts: Array | None = None) -> Trajectories:
         """Simulates u_t = K s_t + offset_t from the task's start.
 
         The last command is recorded but moves nothing: no sample comes after s_{T-1}.
@@ -92,6 +114,7 @@ class Simulator:
           gain: K, shape (d, n).
           offsets: k_t + exploration noise, shape (N, T, d), in the commands' unit.
           command_noise: what the actuators add, shape (N, T, d), in the commands' unit.
+          starts: how far trajectories start from the task's start, shape (M, nv), rad or m, for the first M of them.
 
         Raises:
           FloatingPointError: if the simulation diverged, naming the first trajectory and step that did.
@@ -102,17 +125,22 @@ class Simulator:
         features = np.empty((steps, n, task.width))
         commands = offsets.transpose(1, 0, 2).copy()  # the caller's stay as they are
         noise = np.ascontiguousarray(command_noise.transpose(1, 0, 2))
-        state = np.tile(self._start, (n, 1))
+        state = self._starts(n, starts)
         control = np.empty((n, count, d))
         states = np.empty((n, count, self._start.size))
         sensors = np.empty((n, count, self._model.nsensordata))
         models, data = [self._model] * n, [self._data]
         sound = np.ones((steps, n), dtype=np.bool_)
-        transposed_gain = np.ascontiguousarray(gain.T)
+        sensed, known = task.sensed, task.width
+        if sensed is not None:
+            forces = sensors_at(self._model, self._data, state)
+            known -= sensed(forces).shape[1]
+        transposed_gain = np.ascontiguousarray(gain[:, :known].T)
         for t in range(steps):
-            features[t] = task.features(state[:, 1 : 1 + nq], state[:, 1 + nq : 1 + nq + nv])
-            commands[t] += features[t] @ transposed_gain
-            if t + 1 == steps:
+            last = t + 1 == steps
+            features[t, :, :known] = task.features(state[:, 1 : 1 + nq], state[:, 1 + nq : 1 + nq + nv])
+            commands[t] += features[t, :, :known] @ transposed_gain
+            if last and sensed is None:
                 break
             control[:] = (commands[t] + noise[t])[:, None]
             self._rollout.rollout(
@@ -125,6 +153,12 @@ class Simulator:
                 state=states,
                 sensordata=sensors,
             )
+            if sensed is not None:
+                # What the first physics step says belongs to the sample it began at, but for forces.
+                features[t, :, known:] = sensed(np.where(self._of_forces, forces, sensors[:, 0]))
+                forces = sensors[:, -1].copy()
+            if last:
+                break  # that step was for the sensors
             state[:] = states[:, -1]
             # MuJoCo leaves out the rest of a control step in which something went wrong, and a control that is huge.
             late = np.abs(state[:, 0] - self._start[0] - (t + 1) * task.control_timestep) > ROUNDING * (t + 1)
@@ -138,7 +172,11 @@ class Simulator:
         wrong = ~(finite & sound) & (np.arange(steps)[:, None] < lengths)
         if wrong.any():
             t, i = np.argwhere(wrong)[0]
-            raise FloatingPointError(f"the simulation of {task.name} diverged: trajectory {i}, step {t}")
+            raise FloatingPointError(
+                f"the simulation of {task.name} diverged: trajectory {i}, step {t}, "
+                f"{t * task.control_timestep:.3g} s; a smaller timestep of the model, more damping or armature in its "
+                "joints, or less exploration (algorithm.initial_std) usually helps"
+            )
         return Trajectories(
             features.transpose(1, 0, 2),
             commands.transpose(1, 0, 2),
@@ -146,3 +184,14 @@ class Simulator:
             state[:, 1 : 1 + nq],
             state[:, 1 + nq : 1 + nq + nv],
         )
+
+    def _starts(self, count: int, starts: Array | None) -> Array:
+        """The states at s_0, (count, size of the full physics state)."""
+        state = np.tile(self._start, (count, 1))
+        if starts is not None:
+            nq = self._model.nq
+            for row, push in zip(state[: len(starts)], starts, strict=True):
+                qpos = row[1 : 1 + nq].copy()
+                mujoco.mj_integratePos(self._model, qpos, push, 1.0)
+                row[1 : 1 + nq] = qpos
+        return state

@@ -10,6 +10,7 @@ import mujoco.rollout
 import numpy as np
 from numpy.typing import NDArray
 
+from tltlrl.simulation.rollout import of_forces, sensors_at
 from tltlrl.tasks.task import Task
 
 Array = NDArray[np.float64]
@@ -33,11 +34,14 @@ class Stepper:
         self._start = np.empty(mujoco.mj_stateSize(self._model, mujoco.mjtState.mjSTATE_FULLPHYSICS.value))
         mujoco.mj_getState(self._model, self._data, self._start, mujoco.mjtState.mjSTATE_FULLPHYSICS.value)
         self._state = np.tile(self._start, (count, 1))
+        self._of_forces = of_forces(self._model)
+        self._forces = sensors_at(self._model, self._data, self._state)
         self.features = self._features()
 
     def restart(self, rows: Array | NDArray[np.bool_]) -> None:
         """Puts some robots at their start."""
         self._state[rows] = self._start
+        self._forces[rows] = sensors_at(self._model, self._data, self._start[None])
         self.features = self._features()
 
     def step(self, commands: Array) -> None:
@@ -60,9 +64,13 @@ class Stepper:
             state=states,
             sensordata=sensors,
         )
-        self._state = states[:, -1].copy()
+        self._state, self._forces = states[:, -1].copy(), sensors[:, -1].copy()
         self.features = self._features()
 
     def _features(self) -> Array:
         nq, nv = self._model.nq, self._model.nv
-        return self._task.features(self._state[:, 1 : 1 + nq], self._state[:, 1 + nq : 1 + nq + nv])
+        features = self._task.features(self._state[:, 1 : 1 + nq], self._state[:, 1 + nq : 1 + nq + nv])
+        if self._task.sensed is None:
+            return features
+        values = sensors_at(self._model, self._data, self._state)
+        return np.concatenate([features, self._task.sensed(np.where(self._of_forces, self._forces, values))], axis=1)

@@ -18,6 +18,7 @@ def mean_motion(simulator: Simulator, policy: Policy) -> Trajectories:
 
 
 def trials(simulator: Simulator, policy: Policy, count: int, rng: np.random.Generator) -> Trajectories:
-    """`count` trajectories of the mean policy, each disturbed by the actuators' noise."""
+    """`count` trajectories of the mean policy, each disturbed by the actuators' noise, from a start of its own."""
     offsets = np.broadcast_to(policy.mean, (count, *policy.mean.shape))
-    return simulator.rollout(policy.gain, offsets, simulator.draw_command_noise(count, rng))
+    noise = simulator.draw_command_noise(count, rng)
+    return simulator.rollout(policy.gain, offsets, noise, simulator.draw_starts(count, rng))

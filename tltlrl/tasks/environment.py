@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from dm_control import mujoco
 from dm_control.rl import control
+from mujoco import mj_integratePos
 from numpy.typing import NDArray
 
 from tltlrl.logic import Spec
-from tltlrl.tasks.task import StepReward, Task, draw_command_noise
+from tltlrl.tasks.task import StepReward, Task, draw_command_noise, draw_starts
 
 Array = NDArray[np.float64]
 
@@ -33,7 +34,7 @@ def environment(
       reward: a hand-made one, per step; or a spec, whose robustness is the reward of the last step, all others
         having 0; or None for 0 throughout.
       random: of the actuators' noise.
-      noise: whether there is such noise.
+      noise: whether there is such noise, and starts are drawn where the task's have spread.
     """
     if isinstance(reward, Spec):
         reward = reward.sampled(task.control_timestep)
@@ -61,6 +62,9 @@ class _View(control.Task):  # type: ignore[misc]  # dm_control has no types
     def initialize_episode(self, physics: mujoco.Physics) -> None:
         """Puts the robot at its start."""
         physics.data.qpos[:], physics.data.qvel[:] = self._task.initial_state()
+        if self._noise and (starts := draw_starts(self._task, 1, self.random)) is not None:
+            mj_integratePos(physics.model.ptr, physics.data.qpos, starts[0], 1.0)
+        physics.data.qacc_warmstart[:] = 0.0
         physics.forward()
         self._sample, self._memory = 0, None
         self._commands[0] = 0.0
@@ -72,6 +76,7 @@ class _View(control.Task):  # type: ignore[misc]  # dm_control has no types
         """Sends the command, disturbed by the actuators' noise; MuJoCo clips it to the actuators' range."""
         self._commands[self._sample] = action
         disturbed = action + draw_command_noise(self._task, (), self.random) if self._noise else action
+        physics.data.qacc_warmstart[:] = 0.0  # as in the batched rollout: contacts are solved alike
         physics.set_control(disturbed)
 
     def after_step(self, physics: mujoco.Physics) -> None:
@@ -106,7 +111,12 @@ class _View(control.Task):  # type: ignore[misc]  # dm_control has no types
 
     def _record(self, physics: mujoco.Physics) -> None:
         qpos, qvel = np.array(physics.data.qpos), np.array(physics.data.qvel)
-        self._features[self._sample] = self._task.features(qpos[None], qvel[None])[0]
+        features = self._task.features(qpos[None], qvel[None])[0]
+        self._features[self._sample, : len(features)] = features
+        if self._task.sensed is not None:
+            self._features[self._sample, len(features) :] = self._task.sensed(np.array(physics.data.sensordata)[None])[
+                0
+            ]
 
     def _signals(self, samples: slice) -> Mapping[str, Array]:
         return self._task.signals(self._features[None, samples], self._commands[None, samples])

@@ -10,6 +10,7 @@ import abc
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any, Protocol
 
 import numpy as np
@@ -86,6 +87,11 @@ class Task(abc.ABC):
       feedback: the gain matrix K of shape (d, n) for a feedback of 1; the configured feedback multiplies it.
 
     What not every task can do is None where it cannot:
+      sensed: the values of the model's sensors (N, nsensordata) => the last features (N, m). `features` gives those
+        before them, and the feedback has nothing on them: a sensor's value belongs to a sample, and the rollout knows
+        it after the command. A sensor of accelerations and forces says what it saw in the physics step before.
+      start_spread: standard deviation of the start, shape (nv,), rad or m; drawn anew for each trajectory.
+      units: of signals, by name, for their users.
       camera: of the model, for films.
       skeleton: features (..., n) => points (..., P, 2), m: the robot as a polyline from its base to its end-effector,
         for pictures of the plane.
@@ -101,6 +107,9 @@ class Task(abc.ABC):
     command_noise: Array
     command_scale: Array
     feedback: Array
+    sensed: Callable[[Array], Array] | None = None
+    start_spread: Array | None = None
+    units: Mapping[str, str] = MappingProxyType({})
     camera: str | None = None
     skeleton: Callable[[Array], Array] | None = None
     joints: Joints | None = None
@@ -131,7 +140,7 @@ class Task(abc.ABC):
 
     @abc.abstractmethod
     def features(self, qpos: Array, qvel: Array) -> Array:
-        """Features of a batch of states: (N, nq), (N, nv) => (N, n)."""
+        """Features of a batch of states: (N, nq), (N, nv) => (N, n), or (N, n - m) where m are `sensed`."""
 
     @abc.abstractmethod
     def signals(self, features: Array, commands: Array) -> Signals:
@@ -161,6 +170,13 @@ def _spans(groups: Sequence[Quantity]) -> dict[str, slice]:
 def draw_command_noise(task: Task, shape: tuple[int, ...], rng: np.random.Generator | np.random.RandomState) -> Array:
     """What the actuators add to commands: shape (*shape, d), in the commands' unit. Nothing else adds noise."""
     return np.asarray(task.command_noise * rng.standard_normal((*shape, len(task.command_noise))))
+
+
+def draw_starts(task: Task, count: int, rng: np.random.Generator | np.random.RandomState) -> Array | None:
+    """How far trajectories start from the task's start, shape (count, nv); None, and nothing drawn, without spread."""
+    if task.start_spread is None:
+        return None
+    return np.asarray(task.start_spread * rng.standard_normal((count, len(task.start_spread))))
 
 
 @dataclass(frozen=True)

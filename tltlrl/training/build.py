@@ -19,6 +19,7 @@ from tltlrl.learning.learner import Learner
 from tltlrl.learning.policy import Policy
 from tltlrl.logic import Spec
 from tltlrl.registry import LEARNERS, TASKS
+from tltlrl.simulation.probe import ranges_seen
 from tltlrl.simulation.rollout import Simulator
 from tltlrl.simulation.trials import mean_motion
 from tltlrl.store.files import arrays_in
@@ -56,11 +57,13 @@ class Samples:
       policy: that the offsets were drawn from.
       offsets: of the N samples and, last, those of the mean policy, shape (N + 1, T, d).
       noise: of the actuators, likewise; none for the mean policy.
+      starts: of the N samples, how far they start from the task's start, shape (N, nv); None where all start there.
     """
 
     policy: Policy
     offsets: Array
     noise: Array
+    starts: Array | None
 
 
 def draw(run: Run, learner: Learner[Any], simulator: Simulator, state: Any, iteration: int) -> Samples:
@@ -71,7 +74,7 @@ def draw(run: Run, learner: Learner[Any], simulator: Simulator, state: Any, iter
     noise = np.concatenate(
         [simulator.draw_command_noise(run.algorithm.samples, rng), np.zeros((1, *policy.mean.shape))]
     )
-    return Samples(policy, offsets, noise)
+    return Samples(policy, offsets, noise, simulator.draw_starts(run.algorithm.samples, rng))
 
 
 def set_up(run: Run) -> Setup:
@@ -85,7 +88,7 @@ def set_up(run: Run) -> Setup:
     told = run.spec
     if run.algorithm.normalise:
         drawn = draw(run, learner, simulator, learner.start(first_policy(task, run.algorithm)), 0)
-        motions = simulator.rollout(drawn.policy.gain, drawn.offsets, drawn.noise)
+        motions = simulator.rollout(drawn.policy.gain, drawn.offsets, drawn.noise, drawn.starts)
         told = told.normalised(task.signals(motions.features, motions.commands), motions.lengths)
     return Setup(task, simulator, make_reward(run), learner, told)
 
@@ -231,6 +234,9 @@ def check(study: Study) -> None:
         make_reward(run)
     _check_signals(study.spec, task)
     Simulator(task)
+    if study.task.name in TASKS.described:  # a stranger's model
+        ranges_seen(task, np.random.default_rng(0))
+        make_evaluation_task(study.task)
 
 
 def cut_windows(study: Study) -> str | None:

@@ -48,7 +48,7 @@ def iterate(run: Run, setup: Setup, state: Any, iteration: int) -> Iteration:
     """
     samples, drawn = run.algorithm.samples, draw(run, setup.learner, setup.simulator, state, iteration)
     start = time.perf_counter()
-    trajectories = setup.simulator.rollout(drawn.policy.gain, drawn.offsets, drawn.noise)
+    trajectories = setup.simulator.rollout(drawn.policy.gain, drawn.offsets, drawn.noise, drawn.starts)
     physics_seconds = time.perf_counter() - start
 
     signals = setup.task.signals(trajectories.features, trajectories.commands)

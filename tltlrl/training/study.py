@@ -15,7 +15,7 @@ from tltlrl.errors import UserError
 from tltlrl.learning.scores import TOLD
 from tltlrl.logic import Spec
 from tltlrl.resources import user_path
-from tltlrl.settings import check, check_value, setting, settings_of
+from tltlrl.settings import check, check_value, setting, settings_of, without_places
 from tltlrl.store.files import digest
 from tltlrl.store.layout import POLICY
 
@@ -184,7 +184,7 @@ class Run:
         if (start := self.algorithm.start()) is not None:
             algorithm["policy"] = digest(start)  # wherever it lies
         asked = {
-            "task": dataclasses.asdict(self.task),
+            "task": without_places(self.task),
             "reward": dataclasses.asdict(self.reward),
             "spec": {"text": self.spec.text, "constants": dict(self.spec.constants)},
             "case": {"reward": self.case.reward, "algorithm": self.case.learner},

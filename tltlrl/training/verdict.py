@@ -66,7 +66,10 @@ def motions(run: Run, policy: Policy, samples: int, rng: np.random.Generator) ->
     simulator = Simulator(task)
     offsets = np.concatenate([policy.mean[None], policy.sample(samples, rng)])
     noise = np.concatenate([np.zeros((1, *policy.mean.shape)), simulator.draw_command_noise(samples, rng)])
-    moved = simulator.rollout(policy.gain, offsets, noise)
+    starts = simulator.draw_starts(samples, rng)
+    if starts is not None:
+        starts = np.concatenate([np.zeros((1, starts.shape[1])), starts])
+    moved = simulator.rollout(policy.gain, offsets, noise, starts)
     signals = task.signals(moved.features, moved.commands)
     return Motions(signals, moved.lengths, run.spec.robustness(signals, moved.lengths))
 

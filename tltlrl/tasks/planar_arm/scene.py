@@ -17,9 +17,10 @@ their length and in their hand-made rewards (eqs 3.2 and 3.5; rewards.py).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
+from types import MappingProxyType
 
 import numpy as np
 from dm_control import mujoco
@@ -86,6 +87,7 @@ class PlanarArm(Task):
         Quantity("end_effector", "m", ("end_effector_x", "end_effector_y")),
     )
     action = (Quantity("speeds", "rad/s", ("speed_1", "speed_2", "speed_3")),)
+    units: Mapping[str, str] = MappingProxyType({"ee": "m", "angles": "rad", "velocities": "rad/s", "command": "rad/s"})
     camera = "above"
     joints = Joints()
     end_effector = "end_effector"

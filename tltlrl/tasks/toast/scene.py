@@ -33,9 +33,11 @@ down sits where roll and yaw wrap from pi to -pi; the signal `rotation` does not
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import reduce
 from importlib.resources import files
+from types import MappingProxyType
 
 import numpy as np
 from dm_control import mujoco
@@ -164,6 +166,9 @@ class Toast(Task):
     """The toast-placing task."""
 
     control_timestep = 0.05  # s: commands are sent at 20 Hz
+    units: Mapping[str, str] = MappingProxyType(
+        {"ee": "m", "rotation": "rad", "gripper": "%", "velocities": "rad/s", "command": "rad/s, %"}
+    )
     camera = "front"
     joints = Joints()
     end_effector = "end_effector"

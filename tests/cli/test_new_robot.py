@@ -1,0 +1,124 @@
+"""A stranger's robot by the commands: new, tasks, a run, its trials, and what is told when its model was changed."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+import yaml
+
+from tltlrl.cli import main as cli
+from tltlrl.config.compose import compose
+from tltlrl.config.read import read
+from tltlrl.experiments.experiment import changes
+
+EXAMPLE = Path(__file__).parents[2] / "examples/reacher"
+MODEL = """\
+<mujoco>
+  <option timestep="0.02" gravity="0 0 0"/>
+  <worldbody>
+    <body>
+      <joint name="turn" axis="0 0 1" damping="1"/>
+      <geom type="capsule" fromto="0 0 0 1 0 0" size=".05"/>
+      <site name="tip" pos="1 0 0"/>
+    </body>
+  </worldbody>
+  <actuator><motor name="turn" joint="turn" gear="5" ctrlrange="-1 1"/></actuator>
+</mujoco>
+"""
+BUDGET = ("seeds=1", "algorithm.iterations=2", "algorithm.samples=4", "trials=3", "workers=1", "task.duration=0.5")
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "arm.xml").write_text(MODEL)
+    return tmp_path
+
+
+def tltl(*arguments):
+    with pytest.raises(SystemExit) as ended:
+        cli.main(list(arguments))
+    return ended.value.code
+
+
+def test_from_a_model_to_trials(here, capsys):
+    assert tltl("new", "arm.xml") == 0
+    said = capsys.readouterr().out
+    (command,) = [line.split() for line in said.splitlines() if line.startswith("  tltl-run ")]
+    assert command[1:] == ["task=arm.yaml", "seeds=1", "algorithm.iterations=40"]
+    assert tltl("new", "arm.xml") == 2
+    assert "arm.yaml is there already" in capsys.readouterr().err
+    assert tltl("tasks", "arm.yaml") == 0
+    table = capsys.readouterr().out.splitlines()
+    assert table[0] == "arm: 125 samples, one every 0.04 s, 5 s in all"
+    assert table[3].startswith("  tip[3]           m              ")
+    assert cli.run([*command[1:], *BUDGET]) == 0
+    folder = here / "runs/arm"
+    assert (folder / "learning_curves.png").exists()
+    config = yaml.safe_load((folder / "config.yaml").read_text())
+    assert config["task"]["name"] == "mjcf"
+    assert config["task"]["file"] == str(here / "arm.yaml")
+    capsys.readouterr()
+    assert tltl("evaluate", "runs/arm/tltl_episodic/seed_0", "--trials", "3") == 0
+    assert "success rate" in capsys.readouterr().out
+
+    # The page may lie elsewhere, and is the same robot.
+    (run,) = read(compose(["task=arm.yaml", *BUDGET]))[0].runs()
+    (here / "moved").mkdir()
+    for name in ("arm.xml", "arm.yaml", "arm.tltl"):
+        shutil.copy(here / name, here / "moved" / name)
+    study, _ = read(compose(["task=moved/arm.yaml", *BUDGET]))
+    assert study.runs()[0].identity() == run.identity()
+    assert not changes(config, study)
+
+    # Another model is another robot.
+    (here / "arm.xml").write_text(MODEL.replace('gear="5"', 'gear="6"'))
+    assert cli.run(["task=arm.yaml", *BUDGET]) == 2
+    assert "holds results of another config:\n  task.digest: " in capsys.readouterr().err
+    assert tltl("evaluate", "runs/arm/tltl_episodic/seed_0") == 2
+    assert capsys.readouterr().err == (
+        "tltl: arm.yaml:3: model: the model, or a file that it names, was changed since these results were made; "
+        "put it back as it was, or train again under another name=...\n"
+    )
+
+
+def test_mistakes_of_the_commands(here, capsys):
+    (here / "arm.yaml").write_text("model: arm.xml\ncontrol_timestep: 0.1\nsignals: {tip: site_xpos.tip}\n")
+    (here / "mine.tltl").write_text("signal top[3]\nspec: F top.x > 0\n")
+    for arguments, message in (
+        (["task=arn.yaml"], "task=arn.yaml: there is no such file; give the page of a robot"),
+        (["task=arm.yaml"], "spec: it has no value; give the .tltl file of what is to be learned"),
+        (["task=arm.yaml", "spec=mine.tltl"], "spec: it needs a signal top, which arm has not"),
+        (["task=arm.yaml", "experiment=toast"], "a robot's page needs no experiment; leave out experiment=toast"),
+        (["task=arm.yaml", "spec=mine.tltl", "task.duration=-1"], "task.duration: -1.0 is too small"),
+        (["task=arm.yaml", "spec=mine.tltl", "task.spred=1"], "task.spred: no such key; did you mean task.spread?"),
+        (["task=mjcf"], "task=mjcf: there is no such task"),
+    ):
+        assert cli.run(arguments) == 2, arguments
+        assert message in capsys.readouterr().err
+    for arguments, message in (
+        (["new", "arn.xml"], "arn.xml: there is no file arn.xml in .; did you mean arm.xml?"),
+        (["new", "--task", "toats", "mine.tltl"], "no task is named toats; did you mean toast?"),
+        (["new", "--task", "toast", "mine.txt"], "mine.txt: the file of a spec ends in .tltl"),
+        (["new", "--task", "toast", "mine.tltl"], "mine.tltl is there already"),
+        (["tasks", "toats"], "no task is named toats; did you mean toast?"),
+        (["tasks", "mjcf"], "a robot is described by a page; give its file"),
+    ):
+        assert tltl(*arguments) == 2
+        assert message in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("here")
+def test_a_spec_to_begin_with_and_the_list_of_tasks(capsys):
+    assert tltl("new", "--task", "reach_avoid", "mine.tltl") == 0
+    assert tltl("check", "mine.tltl") == 0
+    capsys.readouterr()
+    assert tltl("tasks") == 0
+    names = [line.split()[0] for line in capsys.readouterr().out.splitlines()]
+    assert names == ["reach_avoid", "visit_in_order", "toast", "FILE.yaml"]
+
+
+def test_the_example_is_a_robot_and_its_spec_fits():
+    study, _ = read(compose([f"task={EXAMPLE / 'reacher.yaml'}"]))
+    assert study.name == "reacher"
+    assert dict(study.spec.signals) == {"finger": 3}

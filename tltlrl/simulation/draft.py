@@ -1,0 +1,44 @@
+"""A first page and a first spec for a model, looked at in simulation."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from tltlrl.errors import UserError
+from tltlrl.simulation.probe import reached
+from tltlrl.tasks.mjcf.draft import draft_page, draft_spec
+from tltlrl.tasks.mjcf.keys import RobotConfig
+from tltlrl.tasks.mjcf.model import compiled, model_path, read_model
+from tltlrl.tasks.mjcf.page import page_of
+from tltlrl.tasks.mjcf.robot import Robot
+
+SHARE = 0.25  # of the way to the goal: its radius
+
+
+def draft(model: str, page: Path) -> tuple[str, str]:
+    """The texts of a page and of a spec.
+
+    Args:
+      model: an MJCF file, or package:path.
+      page: where the page will lie.
+
+    Raises:
+      UserError: if the model cannot be read, or no policy can command it.
+    """
+
+    def told(what: str) -> UserError:
+        return UserError(f"{model}: {what}")
+
+    path = model_path(model, Path.cwd(), told)
+    checked = compiled(path, read_model(path))
+    if not checked.nu or not checked.njnt:
+        raise told(f"it has no {'joints' if checked.nu else 'actuators'}; a policy needs some to command")
+    named = model if ":" in model else os.path.relpath(path, page.resolve().parent)
+    text = draft_page(checked, named, told)
+    robot = Robot(RobotConfig(file=str(page.resolve()), **page_of(page, text.encode()).values))
+    start, end = reached(robot, "tip", np.random.default_rng(0))
+    radius = max(SHARE * float(np.linalg.norm(end - start)), 1e-3)
+    return text, draft_spec(end, radius)

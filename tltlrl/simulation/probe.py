@@ -1,0 +1,48 @@
+"""What a robot does under random commands: the ranges of its signals, and whether its simulation holds."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tltlrl.errors import UserError
+from tltlrl.simulation.rollout import Simulator
+from tltlrl.tasks.task import Signals, Task
+
+Array = NDArray[np.float64]
+COUNT = 8  # trajectories
+
+
+def ranges_seen(task: Task, rng: np.random.Generator) -> dict[str, tuple[Array, Array]]:
+    """The least and the most of every component of every signal, (k,) each, under random commands of full size.
+
+    Half of the trajectories get a new command at every step, the others keep one throughout.
+
+    Raises:
+      UserError: if the simulation diverges, with when.
+    """
+    signals = _signals_seen(task, rng)
+    wide = {name: values.reshape(-1, 1 if values.ndim == 2 else values.shape[2]) for name, values in signals.items()}
+    return {name: (values.min(axis=0), values.max(axis=0)) for name, values in wide.items()}
+
+
+def reached(task: Task, signal: str, rng: np.random.Generator) -> tuple[Array, Array]:
+    """A signal at the start, (k,), and at the end of the trajectory that takes it the farthest under random commands.
+
+    Raises:
+      UserError: if the simulation diverges, with when.
+    """
+    values = _signals_seen(task, rng)[signal]
+    farthest = np.linalg.norm(values[:, -1] - values[:, 0], axis=-1).argmax()
+    return values[farthest, 0], values[farthest, -1]
+
+
+def _signals_seen(task: Task, rng: np.random.Generator) -> Signals:
+    commands = task.reference()[1]
+    push = task.command_scale * rng.uniform(-1, 1, (COUNT, *commands.shape))
+    push[COUNT // 2 :] = push[COUNT // 2 :, :1]
+    try:
+        motion = Simulator(task).rollout(np.zeros_like(task.feedback), commands + push, np.zeros_like(push))
+    except FloatingPointError as error:
+        raise UserError(f"task: under random commands of full size {error}") from None
+    return task.signals(motion.features, motion.commands)

@@ -1,0 +1,12 @@
+"""A robot described by an MJCF file and a page of YAML: keys, page, model, signals, and the task made of them.
+
+The table of keys is in `keys`; docs/robot-yaml.md is made from it.
+"""
+
+from __future__ import annotations
+
+from tltlrl.tasks.mjcf.keys import RobotConfig
+from tltlrl.tasks.mjcf.robot import Robot, evaluation_of
+from tltlrl.tasks.task import TaskEntry
+
+MJCF = TaskEntry(config=RobotConfig, make=Robot, evaluation=evaluation_of)

@@ -1,0 +1,125 @@
+"""A first page for a model, and a first spec: what is likely, with what else there is as comments."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from tltlrl.tasks.mjcf import quantities
+from tltlrl.tasks.mjcf.model import Told
+from tltlrl.tasks.mjcf.robot import OF_JOINT, SINGLE
+
+Array = NDArray[np.float64]
+CONTROL_TIMESTEP = 0.05  # s, about
+
+
+def draft_page(model: mujoco.MjModel, path: str, told: Told) -> str:
+    """The text of a page.
+
+    Args:
+      model: compiled.
+      path: as the page will name it.
+      told: a mistake in the model.
+
+    Raises:
+      UserError: if no place of the model has a name, so that a spec could speak of none.
+    """
+    timestep = float(model.opt.timestep)
+    names = {of: quantities.named(model, of) for of in quantities.NAMED}
+    actuators = quantities.names_in(model, "actuator")
+    lines = [
+        "# A robot for tltlrl. Every key: docs/robot-yaml.md; what a spec can speak of: tltl tasks THIS_FILE.",
+        "",
+        f"model: {path}",
+        "duration: 5.0                # s",
+        f"control_timestep: {max(round(CONTROL_TIMESTEP / timestep), 1) * timestep:.6g}       # s",
+        *(f"{'' if i == 0 else '# '}keyframe: {name}" for i, name in enumerate(names["keyframe"])),
+        f"# start: {{{quantities.names_in(model, 'joint')[0]}: 0.0}}  # rad or m; joints: "
+        + ", ".join(quantities.names_in(model, "joint")),
+        "# spread: 0.02               # of the start, rad or m",
+        f"commands: [{', '.join(actuators)}]",
+        "command_noise: 0.01          # share of a full command",
+        *_feedback(model, actuators),
+        "reference: hold",
+        "signals:",
+        f"  tip: {likely_tip(model, told)}",
+        "  qpos: [" + ", ".join(f"qpos.{name}" for name in quantities.names_in(model, "joint")) + "]",
+        "  qvel: [" + ", ".join(f"qvel.{name}" for name in quantities.names_in(model, "joint")) + "]",
+        *(f"  # {_word(name)}: sensordata.{name}" for name in names["sensor"]),
+        *(f"  # {_word(name)}_place: site_xpos.{name}" for name in names["site"]),
+        "# ends_when: tip.z < 0",
+        *(f"{'' if i == 0 else '# '}camera: {name}" for i, name in enumerate(names["camera"])),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def draft_spec(goal: Array, radius: float) -> str:
+    """The text of a spec: reach a place and stay there.
+
+    Args:
+      goal: where the tip can get, shape (3,), m.
+      radius: m.
+    """
+    place = ", ".join(f"{x:.3g}" for x in goal)
+    return f"""\
+# Reach a place and stay there. The place is one that the robot came to under random commands.
+
+signal tip[3]                       # m
+
+const goal = ({place})
+const radius = {radius:.2g}         # m
+
+def at_goal: distance(tip, goal) < radius
+
+spec: F G at_goal
+"""
+
+
+def likely_tip(model: mujoco.MjModel, told: Told) -> str:
+    """The place that a task is likely about: a site, body or geom as far as possible down the tree of bodies.
+
+    Raises:
+      UserError: if none of them has a name.
+    """
+    depth = np.zeros(model.nbody, dtype=int)
+    for body in range(1, model.nbody):
+        depth[body] = depth[model.body_parentid[body]] + (model.body_dofnum[body] > 0)
+    moving = depth > 0
+    candidates: list[tuple[int, int, int, str]] = []
+    owners: tuple[tuple[str, str, Sequence[int]], ...] = (
+        ("site", "site_xpos", model.site_bodyid),
+        ("body", "xpos", range(model.nbody)),
+        ("geom", "geom_xpos", model.geom_bodyid),
+    )
+    for rank, (of, field, bodies) in enumerate(owners):
+        for i, name in enumerate(quantities.names_in(model, of)):
+            if name and moving[bodies[i]]:
+                candidates.append((int(depth[bodies[i]]), -rank, i, f"{field}.{name}"))
+    if not candidates:
+        raise told("nothing that moves in it has a name, so a spec can speak of no place; name a site of its last body")
+    return max(candidates)[3]
+
+
+def _feedback(model: mujoco.MjModel, actuators: Sequence[str]) -> list[str]:
+    """Pulls back the joints whose actuators do not do it themselves."""
+    gains = []
+    for i, name in enumerate(actuators):
+        joint = int(model.actuator_trnid[i, 0])
+        if model.actuator_trntype[i] not in OF_JOINT or model.jnt_type[joint] not in SINGLE:
+            continue
+        size = float(np.ptp(model.actuator_ctrlrange[i]) / 2)
+        position, velocity = model.actuator_biasprm[i, 1:3]
+        if position == 0 and velocity != 0:
+            gains.append(f"{name}: -1")
+        elif position == 0:
+            gains.append(f"{name}: [{-size:.3g}, {-size / 5:.3g}]")
+    return [f"feedback: {{{', '.join(gains)}}}  # in the commands' units, per rad and rad/s"] if gains else []
+
+
+def _word(name: str) -> str:
+    """A name as a spec can speak of it."""
+    word = "".join(c if c.isalnum() else "_" for c in name)
+    return word if word.isidentifier() else f"_{word}"

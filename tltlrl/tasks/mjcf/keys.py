@@ -1,0 +1,93 @@
+"""The table of keys of a robot's page: what each means, what it may be, and an example of it.
+
+The reader of pages, its messages and the reference page docs/robot-yaml.md all follow this table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from tltlrl.settings import setting
+
+NUMBER, WORD, TEXT, NAMES = "a number", "a word", "a text", "a list of names"
+NUMBERS_BY_NAME, SETTINGS = "names and numbers, as {elbow: 0.3}", "keys and values, as {model: solid.xml}"
+MOTION = "hold, or a list of waypoints, as [{time: 1, elbow: 0.3}]"
+SIGNALS = "names and what they stand for, as {tip: site_xpos.tip}"
+
+
+@dataclass(frozen=True)
+class RobotConfig:
+    """A robot's page as it was read, and where it was; everything a page can say has a default but the model."""
+
+    name: str = setting("mjcf, for every robot that is described by a page", "mjcf")
+    file: str = setting("the page; it is known by what it says, wherever it lies", "", place=True)
+    digest: str = setting("of the model's files, by which a model that was changed is noticed", "")
+    model: str = setting("an MJCF file: a path from the page's folder, or package:path of an installed package", "")
+    duration: float = setting("of one episode, s", 5.0, above=0)
+    control_timestep: float = setting("between two commands, s; a multiple of the model's timestep", 0.05, above=0)
+    start: dict[str, Any] = setting(
+        "joint positions at the start, rad or m, by the joints' names; the others as in the keyframe or the model",
+        {},
+    )
+    keyframe: str | None = setting("of the model, to start from", None)
+    spread: float = setting(
+        "standard deviation of the start, rad or m in every joint; it is drawn anew for each trajectory", 0.0, least=0
+    )
+    commands: list[str] = setting(
+        "the actuators that the policy commands, the others are taken out of the model; none named: all", []
+    )
+    command_noise: float = setting(
+        "standard deviation of the actuators' noise, as a share of a full command", 0.01, least=0, most=10
+    )
+    feedback: dict[str, Any] = setting(
+        "what is added to a command, in its unit, per rad or m that its joint is off the reference, by the actuators' "
+        "names: negative pulls back; or two numbers, the second per rad/s or m/s",
+        {},
+    )
+    reference: Any = setting(
+        "the motion that learning starts from: hold, the start kept up, or waypoints with a time, s, and joint "
+        "positions, straight lines between them",
+        "hold",
+    )
+    signals: dict[str, Any] = setting(
+        "what a spec can speak of, beside command; none named: every sensor of the model by its name, qpos and qvel", {}
+    )
+    ends_when: str | None = setting("an episode ends early where this formula of the language holds", None)
+    evaluation: dict[str, Any] = setting(
+        "other values of these keys for the trials of what was learned, such as a more truthful model", {}
+    )
+    camera: str | None = setting("of the model, for films", None)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What a key's value looks like on a page.
+
+    Attributes:
+      kind: in words.
+      example: as YAML.
+    """
+
+    kind: str
+    example: str
+
+
+KINDS: Mapping[str, Kind] = {
+    "model": Kind(TEXT, "model: arm.xml"),
+    "duration": Kind(NUMBER, "duration: 5.0"),
+    "control_timestep": Kind(NUMBER, "control_timestep: 0.05"),
+    "start": Kind(NUMBERS_BY_NAME, "start: {shoulder: 0.3}"),
+    "keyframe": Kind(WORD, "keyframe: home"),
+    "spread": Kind(NUMBER, "spread: 0.02"),
+    "commands": Kind(NAMES, "commands: [shoulder, elbow]"),
+    "command_noise": Kind(NUMBER, "command_noise: 0.01"),
+    "feedback": Kind(NUMBERS_BY_NAME, "feedback: {shoulder: -1, elbow: [-1, -0.1]}"),
+    "reference": Kind(MOTION, "reference: [{time: 2, shoulder: 1.2}, {time: 4, shoulder: 0.5, elbow: 1}]"),
+    "signals": Kind(SIGNALS, "signals: {tip: site_xpos.tip, angles: [qpos.shoulder, qpos.elbow]}"),
+    "ends_when": Kind(TEXT, "ends_when: tip.z < 0"),
+    "evaluation": Kind(SETTINGS, "evaluation: {model: solid.xml}"),
+    "camera": Kind(WORD, "camera: front"),
+}
+FIXED_IN_EVALUATION = ("duration", "control_timestep", "commands", "feedback", "reference", "signals", "evaluation")

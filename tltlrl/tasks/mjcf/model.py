@@ -1,0 +1,120 @@
+"""The MJCF file of a robot: found, digested, read by MuJoCo, with what is wrong in it told."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import mujoco
+from lxml import etree
+
+from tltlrl.errors import UserError, nearest
+from tltlrl.tasks.mjcf.page import shown
+
+Told = Callable[[str], UserError]  # what is wrong => the error that says where
+
+
+def model_path(model: str, folder: Path, told: Told) -> Path:
+    """Where a model's file lies: a path from a folder, or package:path.
+
+    Args:
+      model: as the page has it.
+      folder: of the page.
+      told: a mistake at the page's key.
+
+    Raises:
+      UserError: if there is no such file.
+    """
+    package, colon, inside = model.partition(":")
+    if not colon:
+        path = folder / Path(model).expanduser()
+        there = [entry.name for entry in folder.glob("*.xml")] if folder.is_dir() else []
+        if not path.is_file():
+            raise told(f"there is no file {model} in {shown(folder)}{nearest(model, there)}")
+        return path.resolve()
+    if not package.isidentifier():
+        raise told(f"{package} is no package's name; write package:path, as dm_control:suite/reacher.xml")
+    found = importlib.util.find_spec(package)
+    if found is None or not found.submodule_search_locations:
+        raise told(f"there is no package {package} installed; install it, or give the path of a file")
+    path = Path(found.submodule_search_locations[0]) / inside
+    if not path.is_file():
+        there = [str(entry.relative_to(path.parent)) for entry in path.parent.glob("*.xml")]
+        raise told(f"the package {package} has no file {inside}{nearest(path.name, there)}")
+    return path.resolve()
+
+
+def digest_of(path: Path) -> str:
+    """SHA-256 of a model's file and of every file that it names: other models, meshes, textures, height fields."""
+    total = hashlib.sha256()
+    for file in _files(path):
+        total.update(hashlib.sha256(file.read_bytes()).digest())
+    return total.hexdigest()
+
+
+def _files(path: Path) -> list[Path]:
+    """The model's files, in the order in which they are named."""
+    found: dict[Path, None] = {}
+    folders = [path.parent]
+
+    def visit(file: Path) -> None:
+        if file in found or not file.is_file():
+            return
+        found[file] = None
+        if file.suffix.lower() not in (".xml", ".mjcf"):
+            return
+        try:
+            root = etree.fromstring(file.read_bytes())
+        except etree.XMLSyntaxError:  # MuJoCo will say so
+            return
+        for element in root.iter("compiler"):
+            folders.extend(
+                path.parent / element.get(name) for name in ("assetdir", "meshdir", "texturedir") if element.get(name)
+            )
+        named = [value for element in root.iter() for key, value in element.attrib.items() if key.startswith("file")]
+        for name in named:
+            for folder in dict.fromkeys(folders):
+                visit((folder / name).resolve())
+
+    visit(path)
+    return list(found)
+
+
+def read_model(path: Path) -> mujoco.MjSpec:
+    """The model as MuJoCo reads it, to be changed at will; automatic resets are switched off.
+
+    Raises:
+      UserError: with what MuJoCo says, and its line.
+    """
+    try:
+        spec = mujoco.MjSpec.from_file(str(path))  # a copy of a spec would lose what refers to nothing
+    except ValueError as error:
+        raise complaint(path, error) from None
+    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    return spec
+
+
+def compiled(path: Path, spec: mujoco.MjSpec) -> mujoco.MjModel:
+    """The model, ready to be simulated.
+
+    Raises:
+      UserError: with what MuJoCo says, and its line.
+    """
+    try:
+        return spec.compile()
+    except ValueError as error:
+        raise complaint(path, error) from None
+
+
+def complaint(path: Path, error: Exception) -> UserError:
+    """What MuJoCo finds wrong with a model, on one line."""
+    text = " ".join(str(error).split())
+    line = re.search(r"[Ll]ine(?: number)?[ =](\d+)", text)
+    text = re.sub(r"^(XML Error: |Error: |XML parse error \d+: )", "", text)
+    text = re.sub(r",? ?[Ll]ine(?: number)?[ =]\d+:?", "", text)
+    text = re.sub(r"Error=(\w+) ErrorID=\d+ \(0x\w+\)", r"\1", text)
+    where = f"{shown(path)}:{line[1]}" if line else shown(path)
+    return UserError(f"{where}: MuJoCo cannot read the model: {text}; correct the MJCF file")
