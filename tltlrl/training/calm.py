@@ -1,9 +1,7 @@
 """A learned motion made calm, as motion planners simplify their paths: what decides nothing keeps no frozen noise.
 
-The shortcuts of path planning (Geraerts and Overmars, Creating high-quality paths for motion planning, 2007; OMPL's
-PathSimplifier) are taken on the commands. Pieces of them are replaced by smoother ones that lead to about the same
-place, by coming to rest, or by the whole sequence smoothed here strongly and there hardly. A replacement stays if the
-exact robustness stays above a share of the learned one, and with noise above 0.
+Shortcuts (`tltlrl.training.shortcuts`) are taken on the commands. One stays if the exact robustness stays above a share
+of the learned one, and with noise above 0.
 
 Candidates are commands u, simulated without feedback: whatever the gain K is, the policy u_t + K (s'_t - s_t), with s
 the motion that u leads to, moves the same without noise. So this works for every task and every feedback.
@@ -16,13 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solveh_banded
 
 from tltlrl.learning.policy import Policy
 from tltlrl.simulation.rollout import Trajectories
 from tltlrl.simulation.trials import mean_motion
 from tltlrl.tasks.task import Task
 from tltlrl.training.build import Setup
+from tltlrl.training.shortcuts import shortcuts, together
 from tltlrl.training.study import Run
 
 Array = NDArray[np.float64]
@@ -30,9 +28,7 @@ Array = NDArray[np.float64]
 PROPOSALS = 20  # simulated per batch
 NOISY = 10  # trials that a replacement has to stand, all of them
 SPEED = 0.03  # weight of a squared command beside a squared change of it, both as shares of a full command
-DRAWS = 20  # per proposal that is wanted, at most: most cost more than what they replace, or are too fast
 SPENDING = 0.7  # share of the batches over which the floor of the robustness sinks
-FIXED = 1e6  # weight of what smoothing must not move
 
 
 @dataclass(frozen=True)
@@ -82,7 +78,7 @@ def calmer(run: Run, setup: Setup, policy: Policy, calm: Calm, least: float) -> 
     scale = setup.task.command_scale[joints]
     now = calm.commands[:, joints] / scale
     low, high = (limit[joints] / scale for limit in setup.simulator.command_range)
-    proposals, spans = propose(now, low, high, PROPOSALS, rng)
+    proposals = shortcuts(now, low, high, SPEED, PROPOSALS, rng)
     simulated: list[Trajectories] = []
 
     def commands(of_joints: Array) -> Array:
@@ -97,11 +93,11 @@ def calmer(run: Run, setup: Setup, policy: Policy, calm: Calm, least: float) -> 
         return motion, run.spec.robustness(signals, motion.lengths)
 
     kept = calm
-    if len(proposals):
-        _, robustness = rollout(0 * policy.gain, commands(proposals), np.zeros_like(commands(proposals)))
-        good = np.flatnonzero(robustness >= least)
-        order = good[np.argsort(cost(proposals[good]), kind="stable")]
-        for candidate in candidates(now, proposals[order], [spans[i] for i in order], low, high):
+    if proposals:
+        sent = commands(np.stack([proposal.speeds for proposal in proposals]))
+        _, robustness = rollout(0 * policy.gain, sent, np.zeros_like(sent))
+        good = sorted((proposals[i] for i in np.flatnonzero(robustness >= least)), key=lambda proposal: proposal.cost)
+        for candidate in [together(good, now), good[0].speeds] if good else []:
             sent = commands(candidate[None])
             motion, _ = rollout(0 * policy.gain, sent, np.zeros_like(sent))
             offsets = sent[0] - motion.features[0] @ policy.gain.T
@@ -147,110 +143,3 @@ def calm_policy(policy: Policy, calm: Calm) -> Policy:
 def joint_commands(task: Task) -> slice:
     """Which commands move joints; all of them, unless the task says which."""
     return slice(None) if task.joints is None else task.command_slices[task.joints.speeds]
-
-
-def cost(commands: Array) -> Array:
-    """Squared changes of the commands, from rest, and a little of their squares: (..., T, d) => (...)."""
-    changes = np.diff(commands, axis=-2, prepend=0.0)
-    return np.asarray((changes**2).sum((-1, -2)) + SPEED * (commands**2).sum((-1, -2)))
-
-
-def candidates(now: Array, proposals: Array, spans: list[tuple[int, int]], low: Array, high: Array) -> list[Array]:
-    """All proposals at once whose spans are disjoint, the calmest first, and the calmest alone."""
-    if not len(proposals):
-        return []
-    taken, together = np.zeros(len(now), dtype=bool), now.copy()
-    for proposal, (first, end) in zip(proposals, spans, strict=True):
-        if not taken[first:end].any():
-            taken[first:end] = True
-            together += proposal - now
-    return [together, proposals[0]] if within(together, low, high) else [proposals[0]]
-
-
-def within(commands: Array, low: Array, high: Array) -> bool:
-    """Whether no actuator would cut them."""
-    return bool(np.all((commands >= low - 1e-12) & (commands <= high + 1e-12)))
-
-
-def propose(
-    commands: Array, low: Array, high: Array, count: int, rng: np.random.Generator
-) -> tuple[Array, list[tuple[int, int]]]:
-    """Calmer commands within the limits, each differing from `commands` mostly in one span.
-
-    Args:
-      commands: as shares of full ones, shape (T, d).
-      low, high: the limits, shapes (d,).
-      count: how many are wanted.
-      rng: of all choices.
-
-    Returns:
-      At most `count` proposals, shape (N, T, d), and the half-open span of each.
-    """
-    steps = len(commands)
-    found, spans = [], []
-    for _ in range(DRAWS * count):
-        length = int(np.exp(rng.uniform(np.log(3), np.log(steps + 1))))
-        first = int(rng.integers(-(length // 2), steps - length // 2))
-        first, end = max(first, 0), min(first + length, steps)
-        kind = rng.random()
-        if end == steps and kind < 0.3:
-            proposal = resting(commands, first, int(rng.integers(1, 12)))
-        elif kind < 0.5:
-            proposal = bridged(commands, first, end)
-        else:
-            proposal = smoothed(commands, first, end, 10 ** rng.uniform(-9, -3), 10 ** rng.uniform(-3, 2))
-        proposal = commands + (1.0 if rng.random() < 0.7 else rng.random()) * (proposal - commands)
-        if rng.random() < 0.3:  # of one joint alone
-            others = np.arange(commands.shape[1]) != rng.integers(commands.shape[1])
-            proposal[:, others] = commands[:, others]
-        if within(proposal, low, high) and cost(proposal) < (1 - 1e-6) * cost(commands):
-            found.append(proposal)
-            spans.append((first, end))
-        if len(found) == count:
-            break
-    return np.array(found).reshape(-1, *commands.shape), spans
-
-
-def resting(commands: Array, first: int, fading: int) -> Array:
-    """At rest from `first` on, after the command before has faded in some steps."""
-    result = commands.copy()
-    result[first:] = 0.0
-    before = commands[first - 1] if first else np.zeros(commands.shape[1])
-    share = 1 - np.arange(1, fading + 1) / (fading + 1)
-    faded = result[first : first + fading]
-    faded += share[: len(faded), None] * before
-    return result
-
-
-def bridged(commands: Array, first: int, end: int) -> Array:
-    """The span by a parabola between the commands beside it, with the sum that it had: a cubic of the path."""
-    zero = np.zeros(commands.shape[1])
-    before = commands[first - 1] if first else zero
-    after = commands[end] if end < len(commands) else zero
-    tau = np.arange(1, end - first + 1)[:, None] / (end - first + 1)
-    line, arc = before + tau * (after - before), tau * (1 - tau)
-    result = commands.copy()
-    result[first:end] = line + arc * (commands[first:end].sum(axis=0) - line.sum(axis=0)) / arc.sum()
-    return result
-
-
-def smoothed(commands: Array, first: int, end: int, inside: float, outside: float) -> Array:
-    """The commands whose sums x over time minimise sum (D^2 x)^2 + SPEED (D x)^2 + w (x - p)^2.
-
-    p are the sums of the commands given (for commands of speeds the path), D is the difference of neighbours, and the
-    weight w is `inside` in the span and `outside` elsewhere: Whittaker's smoother, 1923, with weights of its own.
-    """
-    sums = np.concatenate([np.zeros((2, commands.shape[1])), np.cumsum(commands, axis=0)])  # at rest before the start
-    weights = np.full(len(sums), outside)
-    weights[2 + first : 2 + end - 1] = inside
-    weights[:2] = FIXED
-    n = len(sums)
-    bands = np.zeros((3, n))  # the upper diagonals of w + SPEED D'D + (D^2)'(D^2), the main one last
-    bands[2] = weights
-    for start, row, factor in ((0, (1.0, -2.0, 1.0), 1.0), (0, (-1.0, 1.0), SPEED)):
-        reach = len(row)
-        for i in range(reach):
-            for j in range(i, reach):
-                bands[2 - (j - i), start + j : n - reach + 1 + j] += factor * row[i] * row[j]
-    x = solveh_banded(bands, weights[:, None] * sums)
-    return np.asarray(np.diff(x[1:], axis=0))
