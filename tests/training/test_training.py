@@ -417,3 +417,14 @@ def test_learning_starts_from_a_policy_that_was_learned(cases, tmp_path):
     ):  # fmt: skip
         with pytest.raises(UserError, match=f"^algorithm.policy: .*{message}"):
             runs(f"++algorithm.policy={tmp_path}/{policy}", f"task.steps={steps}")
+
+
+def test_results_of_another_edition_of_a_task_are_not_taken_for_its_own(cases):
+    """The arm of 0.1 had the same settings, and moved otherwise."""
+    run = cases["tltl_episodic"]
+
+    class Before(type(run.task)):
+        edition = 1
+
+    before = replace(run, task=Before(**vars(run.task)))
+    assert before.identity() != run.identity()

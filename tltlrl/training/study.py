@@ -183,8 +183,9 @@ class Run:
         algorithm = dataclasses.asdict(self.algorithm) | dataclasses.asdict(self.learner)
         if (start := self.algorithm.start()) is not None:
             algorithm["policy"] = digest(start)  # wherever it lies
+        edition = getattr(self.task, "edition", 1)  # of what its settings simulate; see PlanarArmConfig
         asked = {
-            "task": without_places(self.task),
+            "task": without_places(self.task) | ({"edition": edition} if edition > 1 else {}),
             "reward": dataclasses.asdict(self.reward),
             "spec": {"text": self.spec.text, "constants": dict(self.spec.constants)},
             "case": {"reward": self.case.reward, "algorithm": self.case.learner},

@@ -21,6 +21,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from types import MappingProxyType
+from typing import ClassVar
 
 import numpy as np
 from dm_control import mujoco
@@ -36,8 +37,14 @@ HEADING = np.triu(np.ones((3, 3)))  # angles @ HEADING: each link's angle from t
 
 @dataclass(frozen=True)
 class PlanarArmConfig:
-    """The arm and its episode: the settings of reach_avoid."""
+    """The arm and its episode: the settings of reach_avoid.
 
+    Attributes:
+      edition: raised whenever the same settings simulate other motions, so that older results are not taken for new
+        ones. 1 had two steps of 25 ms per control step.
+    """
+
+    edition: ClassVar[int] = 2
     name: str = setting("of the task", "reach_avoid")
     steps: int = setting("samples of one episode", 200, least=2, most=MOST_STEPS)
     link_lengths: list[float] = setting("from the base outwards, m", [1.0, 1.0, 1.0], above=0)
