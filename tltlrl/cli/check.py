@@ -33,11 +33,9 @@ apart samples are.
 """
 
 
-def add_arguments(parser: ArgumentParser) -> None:
-    """Adds the arguments of `tltl check`."""
-    parser.epilog = EXIT_CODES
+def add_spec(parser: ArgumentParser) -> None:
+    """Adds the spec and the values of its constants, which `constants_from` reads."""
     parser.add_argument("spec", metavar="SPEC", help="a .tltl file: a path of your own, or one that comes with tltlrl")
-    parser.add_argument("trace", metavar="TRACE.csv", nargs="?", type=user_path, help="one recorded trajectory")
     parser.add_argument(
         "--set",
         metavar="NAME=VALUE",
@@ -45,6 +43,13 @@ def add_arguments(parser: ArgumentParser) -> None:
         default=[],
         help="override a constant: goal_radius=0.3, goal=[1,2], goal.r=[1,2]; may be repeated",
     )
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Adds the arguments of `tltl check`."""
+    parser.epilog = EXIT_CODES
+    add_spec(parser)
+    parser.add_argument("trace", metavar="TRACE.csv", nargs="?", type=user_path, help="one recorded trajectory")
     parser.add_argument(
         "--signal",
         metavar="NAME=COLUMNS",

@@ -7,7 +7,7 @@ from io import TextIOWrapper
 from pathlib import Path
 from typing import TextIO
 
-from tltlrl.cli.check import constants_from, read_spec
+from tltlrl.cli.check import add_spec, constants_from, read_spec
 from tltlrl.errors import UserError
 from tltlrl.logic import Explanation, TraceError
 from tltlrl.logic.monitor import Reading
@@ -29,14 +29,7 @@ exit codes:
 def add_arguments(parser: ArgumentParser) -> None:
     """Adds the arguments of `tltl watch`."""
     parser.epilog = NOTES
-    parser.add_argument("spec", metavar="SPEC", help="a .tltl file: a path of your own, or one that comes with tltlrl")
-    parser.add_argument(
-        "--set",
-        metavar="NAME=VALUE",
-        action="append",
-        default=[],
-        help="override a constant: goal_radius=0.3, goal=[1,2], goal.r=[1,2]; may be repeated",
-    )
+    add_spec(parser)
     parser.add_argument("--period", metavar="SECONDS", type=float, help="between two samples, for bounds in seconds")
 
 

@@ -11,6 +11,7 @@ beneath sees the weights as the offsets of K steps.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -76,7 +77,9 @@ class Basis:
           ValueError: as the learner's own.
         """
         basis = radial_basis(len(state.mean), self._functions)
-        weights, diagnostics = self._learner.tell(state.weights, np.linalg.pinv(basis) @ (offsets - state.mean), scores)
+        weights, diagnostics = self._learner.tell(
+            state.weights, _inverse(*basis.shape) @ (offsets - state.mean), scores
+        )
         return BasisState(state.gain, state.mean, state.covariance, state.correlation, weights), diagnostics
 
     def policy(self, state: BasisState) -> Policy:
@@ -85,6 +88,12 @@ class Basis:
         weights = self._learner.policy(state.weights)
         covariance = np.einsum("tk,kij->tij", basis**2, weights.covariance)
         return Policy(state.gain, state.mean + basis @ weights.mean, covariance, state.correlation)
+
+
+@lru_cache(maxsize=8)
+def _inverse(steps: int, functions: int) -> Array:
+    """The pseudo-inverse of B, shape (K, T): offsets made of the functions => their weights."""
+    return np.asarray(np.linalg.pinv(radial_basis(steps, functions)))
 
 
 def radial_basis(steps: int, functions: int) -> Array:
