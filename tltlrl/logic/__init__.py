@@ -9,8 +9,8 @@ docs/spec-language.md describes the language. This package needs NumPy and lark,
 
 from tltlrl.logic.errors import SpecError, TraceError
 from tltlrl.logic.explain import Explanation
+from tltlrl.logic.meaning import Region
 from tltlrl.logic.potential import telescope
-from tltlrl.logic.resolve import Region
 from tltlrl.logic.spec import Spec, load_spec, parse_spec
 from tltlrl.logic.traps import Trap
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tltlrl.logic.graph import PAST, Array
-from tltlrl.logic.resolve import Meaning, Truth
+from tltlrl.logic.meaning import Meaning, Truth
 from tltlrl.logic.semantics import Signals, Values, plan
 
 

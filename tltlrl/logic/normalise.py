@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from tltlrl.logic.graph import Array, Graph
-from tltlrl.logic.resolve import Meaning, Truth
+from tltlrl.logic.meaning import Meaning, Truth
 from tltlrl.logic.shortcut import at_start
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tltlrl.logic.resolve import Meaning, Truth
+from tltlrl.logic.meaning import Meaning, Truth
 from tltlrl.logic.semantics import Signals, plan
 
 

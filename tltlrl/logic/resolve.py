@@ -19,9 +19,29 @@ from tltlrl.logic.declarations import (
     overridden,
 )
 from tltlrl.logic.errors import Source, Span, SpecError, elsewhere
-from tltlrl.logic.graph import BEGUN, FOREVER, Graph
+from tltlrl.logic.graph import FOREVER, Graph
+from tltlrl.logic.meaning import Meaning, Predicate, Region, Truth, asked
+from tltlrl.logic.operators import (
+    Window,
+    both,
+    change,
+    cut,
+    either,
+    implication,
+    looking_back,
+    negation,
+    operation,
+    previous,
+    reduced,
+    since,
+    then,
+    until,
+    until_or_cut,
+    weak_until,
+)
 from tltlrl.logic.shortcut import at_start
 from tltlrl.logic.syntax import Node
+from tltlrl.logic.windows import samples_in, steps_of
 
 _OF_SCALARS = {"abs": "absolute"} | {
     name: name
@@ -29,7 +49,6 @@ _OF_SCALARS = {"abs": "absolute"} | {
 }
 MAX_CALLS = 1000  # of functions that the text defines, each with arguments of its own
 MAX_DEPTH = 150  # of operators in the bodies of functions that call each other
-ROUNDING = 1e-9  # of a bound that is computed, relative
 _ARITHMETIC = {"+": "add", "-": "subtract", "*": "multiply", "/": "divide", "**": "power"}
 
 
@@ -52,90 +71,6 @@ class Bound:
 
 # What stands for the labels' variables and the parameters around a formula.
 Scope = Mapping[str, str | Bound]
-
-
-@dataclass(frozen=True, slots=True)
-class Predicate:
-    """An atomic formula, or an expression that can fail: its text and its place."""
-
-    text: str
-    span: Span
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Truth:
-    """A formula as it was written: an operation (see tltlrl.logic.graph.Op) on formulas, or a predicate.
-
-    Equal formulas share one graph node, but each is a Truth of its own, that knows its name and place.
-    """
-
-    node: int
-    operation: str = ""
-    parts: tuple["Truth", ...] = ()
-    data: tuple[object, ...] = ()
-    predicate: Predicate | None = None
-    name: str | None = None  # of the named sub-formula that it is
-    span: Span | None = None  # None for what is only a part of an operator's meaning
-
-
-@dataclass(frozen=True, slots=True)
-class Region:
-    """A ball or box of constant size and place that a formula speaks of, for pictures of the workspace.
-
-    `name` is the named sub-formula that holds it (None in the spec's own line), `signal` the vector signal
-    it is about (None when it is about an expression), `inside` whether the formula ever asks to be in it, and not
-    only to keep out (as in distance(...) > radius, or under a negation). A ball has `centre` and `radius`, a box
-    `lower` and `upper`.
-    """
-
-    name: str | None
-    kind: str
-    signal: str | None
-    inside: bool
-    centre: tuple[float, ...] | None = None
-    radius: float | None = None
-    lower: tuple[float, ...] | None = None
-    upper: tuple[float, ...] | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Meaning:
-    """All that evaluation needs. Numbers are nodes of `graph`; times are steps."""
-
-    document: syntax.Document  # with the effective constants
-    graph: Graph
-    formula: Truth
-    root: int  # its node
-    start: int  # a node of the same value at the first sample
-    signals: dict[str, int | None]
-    signal_spans: dict[str, Span]
-    booleans: frozenset[str]  # the signals that are true or false
-    constants: dict[str, Value | dict[str, Value]]
-    definitions: dict[str, tuple[Truth, str]]  # named sub-formulas in order, with their text
-    places: dict[int, Predicate]  # of arithmetic nodes that can fail
-    period: float | None  # between two samples, s
-    durations: frozenset[str]  # names of the constants that are in seconds
-    timed: Span | None  # of the first bound in seconds
-    regions: tuple[Region, ...]
-
-    @property
-    def predicates(self) -> dict[str, int]:
-        """The predicates of the formula and their nodes."""
-        found: dict[str, int] = {}
-        stack, seen = [self.formula], set()
-        while stack:
-            truth = stack.pop()
-            if truth.predicate is not None:
-                found[truth.predicate.text] = truth.node
-            elif truth not in seen:
-                seen.add(truth)
-                stack.extend(truth.parts)
-        return found
-
-    @property
-    def looks_back(self) -> bool:
-        """Whether something in it looks at earlier samples."""
-        return any(self.graph.looks_back)
 
 
 def resolve(
@@ -276,9 +211,9 @@ class _Resolver:
             for title in [_title(name, label)]
         ]
         titles: list[str | None] = [title for title, *_ in order] + [None]
-        asked = _asked(formula)
+        wanted = asked(formula)
         regions = [
-            replace(region, inside=(node, region.inside) in asked)  # asked for inside, or its opposite for outside
+            replace(region, inside=(node, region.inside) in wanted)  # asked for inside, or its opposite for outside
             for region, node in self.regions
         ]
         return Meaning(
@@ -583,14 +518,11 @@ class _Resolver:
             case "previous":
                 before = self.evaluate(arguments[0], scope)
                 if isinstance(before, Truth):
-                    return self._previous(before, 1, False)
+                    return previous(self.graph, before, 1, False)
                 (before,) = (self.quantity(a, scope) for a in arguments)
                 return replace(before, components=tuple(map(self._lag, before.components)))
             case "rise" | "fall":
-                p = self.truth(arguments[0], scope)
-                not_p = self._operation("negative", p)
-                now, then = (p, not_p) if name == "rise" else (not_p, p)
-                return self._operation("minimum", now, self._previous(then, 1, False))
+                return change(self.graph, self.truth(arguments[0], scope), name == "rise")
             case "holds":
                 condition = self.graph.add("holds", self.truth(arguments[0], scope).node)
                 return Truth(condition, predicate=Predicate(str(_as_read(node, scope)), node.span))
@@ -621,6 +553,9 @@ class _Resolver:
                 return Expression((self.fold(node, op, *vector.components),))
             case _:
                 return Expression((self.fold(node, _OF_SCALARS[name], *(self.scalar(a, scope) for a in arguments)),))
+
+    def _lag(self, component: int) -> int:
+        return component if self.graph.ops[component].name == "constant" else self.graph.add("lag", component)
 
     def _call_of(self, function: syntax.Definition, node: syntax.Call, scope: Scope) -> Expression | Truth:
         """A call of a function that the text defines: its body, with the arguments in the place of the parameters."""
@@ -757,59 +692,7 @@ class _Resolver:
                     radius = self.graph.constant(values[far])
                     if radius > 0:
                         self._remember(links[-1], point, "ball", near == small, centre=centre, radius=radius)
-        return links[0] if len(links) == 1 else self._operation("minimum", *links)
-
-    def _operation(self, name: str, *parts: Truth, data: tuple[object, ...] = ()) -> Truth:
-        return Truth(self.graph.add(name, *(part.node for part in parts), data=data), name, parts, data)
-
-    def _lag(self, component: int) -> int:
-        return component if self.graph.ops[component].name == "constant" else self.graph.add("lag", component)
-
-    # The past. Trajectories of different length are aligned at their ends: what stands before a trajectory is made
-    # neutral by BEGUN, which says where it begins.
-
-    def _present(self, p: Truth, holds: bool) -> int:
-        """p from the first sample on, and before it true or false."""
-        begun = self.graph.add("signal", data=BEGUN)
-        if holds:
-            return self.graph.add("maximum", p.node, self.graph.add("negative", begun))
-        return self.graph.add("minimum", p.node, begun)
-
-    def _previous(self, p: Truth, steps: int, strong: bool) -> Truth:
-        if steps == 0:
-            return p
-        data = (steps, strong)
-        return Truth(self.graph.add("previous", self._present(p, not strong), data=data), "previous", (p,), data)
-
-    def _looking_back(self, name: str, p: Truth, window: tuple[int, int] | None) -> Truth:
-        """once or historically; once[a,inf] p = previous[!]^a once p, and historically[a,inf] alike."""
-        is_once = name == "once"
-        within = None if window is None or window[1] == FOREVER else window
-        node = self.graph.add(name, self._present(p, not is_once), data=(within,))
-        whole = Truth(node, name, (p,), (within,))
-        return whole if window is None or within is not None else self._previous(whole, window[0], is_once)
-
-    def _since(self, p: Truth, q: Truth, window: tuple[int, int] | None) -> Truth:
-        """p since q, with a window split off as for U: what is read does not depend on the witness."""
-        since = Truth(self.graph.add("since", p.node, self._present(q, False)), "since", (p, q))
-        if window is None:
-            return since
-        low, high = window
-        parts = [] if high == FOREVER else [self._looking_back("once", q, window)]
-        if low > 0:
-            parts.append(self._looking_back("historically", p, (0, low - 1)))
-        bounded = self._operation("minimum", *parts, self._previous(since, low, True))
-        if high < FOREVER:
-            self.graph.split_past[bounded.node] = p.node, q.node, high
-        return bounded
-
-    # The end of the trajectory
-
-    def _cut(self, window: tuple[int, int] | None) -> Truth:
-        """Whether the end of the trajectory cuts the window: true or false."""
-        assert window is not None
-        data = (window[1],)
-        return Truth(self.graph.add("ends", data=data), "ends", (), data)
+        return links[0] if len(links) == 1 else both(self.graph, *links)
 
     def _marked(self, interval: syntax.Interval | None, mark: str = "") -> bool:
         """Whether the interval has the one mark that its operator may have."""
@@ -829,62 +712,61 @@ class _Resolver:
         def of(child: Node) -> Truth:
             return self.truth(child, scope)
 
-        op = self._operation
+        graph = self.graph
         match node:
             case syntax.Comparison():
                 return self._comparison(node, scope)
             case syntax.Not(p):
-                return op("negative", of(p))
+                return negation(graph, of(p))
             case syntax.And(operands):
-                return op("minimum", *map(of, operands))
+                return both(graph, *map(of, operands))
             case syntax.Or(operands):
-                return op("maximum", *map(of, operands))
+                return either(graph, *map(of, operands))
             case syntax.Implies(p, q):
-                return op("maximum", op("negative", of(p)), of(q))
+                return implication(graph, of(p), of(q))
             case syntax.Iff(p, q):
                 a, b = of(p), of(q)
-                return op("minimum", op("maximum", op("negative", a), b), op("maximum", op("negative", b), a))
+                return both(graph, implication(graph, a, b), implication(graph, b, a))
             case syntax.Xor(p, q):
                 a, b = of(p), of(q)
-                return op("maximum", op("minimum", a, op("negative", b)), op("minimum", b, op("negative", a)))
+                return either(graph, both(graph, a, negation(graph, b)), both(graph, b, negation(graph, a)))
             case syntax.Next(p, strong):
-                return op("next", of(p), data=(1, strong))
+                return operation(graph, "next", of(p), data=(1, strong))
             case syntax.Always(p, interval):
                 window = self._window(interval, scope)
-                always = self._reduced("always", of(p), window)
+                always = reduced(graph, "always", of(p), window)
                 if self._marked(interval, "!"):
-                    return op("minimum", always, op("negative", self._cut(window)))
+                    return both(graph, always, negation(graph, cut(graph, window)))
                 return always
             case syntax.Eventually(p, interval):
                 window = self._window(interval, scope)
-                eventually = self._reduced("eventually", of(p), window)
-                return op("maximum", eventually, self._cut(window)) if self._marked(interval, "?") else eventually
+                eventually = reduced(graph, "eventually", of(p), window)
+                return either(graph, eventually, cut(graph, window)) if self._marked(interval, "?") else eventually
             case syntax.Until(p, q, interval):
-                return self._until(of(p), of(q), self._window(interval, scope), self._marked(interval, "?"))
+                a, b, window = of(p), of(q), self._window(interval, scope)
+                return (until_or_cut if self._marked(interval, "?") else until)(graph, a, b, window)
             case syntax.Release(p, q, interval):
-                not_p, not_q = op("negative", of(p)), op("negative", of(q))
+                a, b = negation(graph, of(p)), negation(graph, of(q))
                 window = self._window(interval, scope)
-                return op("negative", self._until(not_p, not_q, window, self._marked(interval, "!")))
+                dual = until_or_cut if self._marked(interval, "!") else until
+                return negation(graph, dual(graph, a, b, window))
             case syntax.WeakUntil(p, q, interval):
                 self._marked(interval)
-                a, b, window = of(p), of(q), self._window(interval, scope)
-                held = None if window is None or window[1] == FOREVER else (0, window[1])
-                return op("maximum", self._until(a, b, window), op("always", a, data=(held,)))
+                return weak_until(graph, of(p), of(q), self._window(interval, scope))
             case syntax.Then(p, q, interval):
                 self._marked(interval)
-                a, b, window = of(p), of(q), self._window(interval, scope)
-                return op("then", a, b, data=(window, not self.graph.local[a.node]))
+                return then(graph, of(p), of(q), self._window(interval, scope))
             case syntax.Previous(p):
-                return self._previous(of(p), 1, True)
+                return previous(graph, of(p), 1, True)
             case syntax.Once(p, interval):
                 self._marked(interval)
-                return self._looking_back("once", of(p), self._window(interval, scope))
+                return looking_back(graph, "once", of(p), self._window(interval, scope))
             case syntax.Historically(p, interval):
                 self._marked(interval)
-                return self._looking_back("historically", of(p), self._window(interval, scope))
+                return looking_back(graph, "historically", of(p), self._window(interval, scope))
             case syntax.Since(p, q, interval):
                 self._marked(interval)
-                return self._since(of(p), of(q), self._window(interval, scope))
+                return since(graph, of(p), of(q), self._window(interval, scope))
             case syntax.ForEach(quantifier, variable, labels, body):
                 check_binding(self.source, node.span, variable, labels, self.declared.names)
                 if variable in scope:
@@ -893,47 +775,11 @@ class _Resolver:
                         f"the variable '{variable}' is already bound around this; expected a new name; choose another",
                     )
                 bodies = [self.truth(body, {**scope, variable: label}) for label in labels]
-                return op("minimum" if quantifier == "all" else "maximum", *bodies)
+                return (both if quantifier == "all" else either)(graph, *bodies)
             case _:
                 raise TypeError(f"no meaning for {type(node).__name__}")
 
-    def _reduced(self, name: str, p: Truth, window: tuple[int, int] | None) -> Truth:
-        """G or F; F[a,inf] p = X[!]^a F p, and G[a,inf] p = X^a G p."""
-        op = self._operation
-        if window is None or window[1] < FOREVER:
-            return op(name, p, data=(window,))
-        return op("next", op(name, p, data=(None,)), data=(window[0], name == "eventually"))
-
-    def _until(self, p: Truth, q: Truth, window: tuple[int, int] | None, is_weak: bool = False) -> Truth:
-        """U; a weak one holds, too, where p does up to the end, and the end cuts the window."""
-        until = self._strong_until(p, q, window)
-        if not is_weak:
-            return until
-        held = self._operation("always", p, data=(None,))
-        return self._operation("maximum", until, self._operation("minimum", self._cut(window), held))
-
-    def _strong_until(self, p: Truth, q: Truth, window: tuple[int, int] | None) -> Truth:
-        """U, with a window split off where p holds no temporal operator.
-
-        p U[a,b] q = F[a,b] q & G[0,a-1] p & X[!]^a (p U q), in value too: a witness of the last part beyond
-        b can be replaced by the one of the first. The left operand must not depend on the witness for this. Without
-        an end the first part is not needed.
-        """
-        op = self._operation
-        truncated = not self.graph.local[p.node]
-        if window is None or truncated:
-            return op("until", p, q, data=(window, truncated))
-        until = op("until", p, q, data=(None, False))
-        parts = [] if window[1] == FOREVER else [op("eventually", q, data=(window,))]
-        if window[0] > 0:
-            parts.append(op("always", p, data=((0, window[0] - 1),)))
-            until = op("next", until, data=(window[0], True))
-        bounded = op("minimum", *parts, until)
-        if window[1] < FOREVER:
-            self.graph.split[bounded.node] = q.node, window[1]
-        return bounded
-
-    def _window(self, interval: syntax.Interval | None, scope: Scope) -> tuple[int, int] | None:
+    def _window(self, interval: syntax.Interval | None, scope: Scope) -> Window:
         """The bounds in steps; None where the window is the whole slice."""
         if interval is None:
             return None
@@ -963,51 +809,14 @@ class _Resolver:
                 node, f"found {_shape(bound)}; expected a scalar; a bound is one number of steps or seconds"
             )
         (value,) = self.fixed(node, bound, "bound")
-        if bound.is_duration:
-            return self._samples(node, value), f"{syntax.number_text(value)} s"
-        whole = round(value)
-        # 0.7 / 0.1 is 6.999999999999999: what is so near to a whole number was meant to be one.
-        if whole < 0 or not math.isclose(value, whole, rel_tol=ROUNDING, abs_tol=ROUNDING):
-            raise self.error(
-                node,
-                f"the bound is {syntax.number_text(value)}; expected a whole number of steps from 0 on; "
-                "plain numbers count samples, seconds are written with their unit, as in 0.5 s",
-            )
-        return whole, str(whole)
-
-    def _samples(self, node: Node, seconds: float) -> int:
-        """A bound in seconds as steps."""
-        self.timed = self.timed or node.span
-        if seconds < 0:
-            raise self.error(node, f"the bound is {seconds:.12g} s; expected 0 s or more; time runs forwards")
-        period = self.declared.period
-        if period is None:
-            return math.ceil(seconds * 1e6)  # of a meaning that is not evaluated
-        steps = seconds / period
-        whole = round(steps)
-        if not math.isclose(steps, whole, rel_tol=ROUNDING, abs_tol=ROUNDING):
-            below, above = (f"{count * period:.12g} s" for count in (math.floor(steps), math.ceil(steps)))
-            raise self.error(
-                node,
-                f"the bound is {seconds:.12g} s, and samples are {period:.12g} s apart; expected a whole number of "
-                f"samples; write {below} or {above}",
-            )
-        return whole
-
-
-def _asked(formula: Truth) -> set[tuple[int, bool]]:
-    """The node of every predicate, and whether the formula asks for it; for its opposite, or both, where it stands so.
-
-    It does under an even number of negations, since every other operation rises with its parts.
-    """
-    found: set[tuple[Truth, bool]] = set()
-    stack = [(formula, True)]
-    while stack:
-        part, wanted = stack.pop()
-        if (part, wanted) not in found:
-            found.add((part, wanted))
-            stack += [(below, wanted != (part.operation == "negative")) for below in part.parts]
-    return {(part.node, wanted) for part, wanted in found if part.predicate is not None}
+        try:
+            if bound.is_duration:
+                self.timed = self.timed or node.span
+                return samples_in(value, self.declared.period), f"{syntax.number_text(value)} s"
+            steps = steps_of(value)
+        except ValueError as mistake:
+            raise self.error(node, str(mistake)) from None
+        return steps, str(steps)
 
 
 def _as_read(node: Node, scope: Scope) -> Node:

@@ -16,13 +16,14 @@ from tltlrl.logic.declarations import Value
 from tltlrl.logic.errors import Source, Span, SpecError, TraceError
 from tltlrl.logic.explain import Explanation, explain
 from tltlrl.logic.graph import BEGUN, Array
+from tltlrl.logic.meaning import Meaning, Region
 from tltlrl.logic.memory import Memory, NotFiniteError
 from tltlrl.logic.monitor import Monitor
 from tltlrl.logic.normalise import divided, predicates, spreads
 from tltlrl.logic.parser import parse
 from tltlrl.logic.pursuit import Compiled, compiled
 from tltlrl.logic.reach import beyond
-from tltlrl.logic.resolve import Meaning, Region, resolve
+from tltlrl.logic.resolve import resolve
 from tltlrl.logic.semantics import Plan, Signals, plan
 from tltlrl.logic.traps import Trap, traps
 from tltlrl.logic.witness import Witnessed
