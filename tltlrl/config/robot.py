@@ -9,8 +9,8 @@ from typing import Any
 from tltlrl.errors import UserError
 from tltlrl.store.files import digest
 from tltlrl.tasks.mjcf.keys import RobotConfig
-from tltlrl.tasks.mjcf.page import read_page
-from tltlrl.tasks.mjcf.robot import page_digest, task_name
+from tltlrl.tasks.mjcf.model import page_digest
+from tltlrl.tasks.mjcf.page import read_page, task_name
 from tltlrl.tasks.task import NoReward
 
 

@@ -12,7 +12,8 @@ from tltlrl.simulation.probe import ranges_seen
 from tltlrl.simulation.rollout import Simulator
 from tltlrl.simulation.stepping import Stepper
 from tltlrl.tasks.environment import environment
-from tltlrl.tasks.mjcf.robot import Robot, evaluation_of
+from tltlrl.tasks.mjcf.evaluation import evaluation_of
+from tltlrl.tasks.mjcf.robot import Robot
 
 PAGE = """\
 model: arm.xml
@@ -200,3 +201,36 @@ def test_a_model_that_was_changed_is_noticed_with_the_files_that_it_names(robot,
     (tmp_path / "arm_body.xml").write_text(ARM.replace('gear="10"', 'gear="11"'))
     with pytest.raises(UserError, match=r"arm\.yaml:1: model: the model, or a file that it names, was changed"):
         Robot(task.config)
+
+
+def test_an_actuator_that_a_page_adds_is_as_one_of_the_model(robot):
+    """Two of its kinds, beside those that the MJCF file has."""
+    added = (
+        "actuators: {shoulder: {position: 60, damping: 6, range: 2}, elbow: {motor: 10, range: [-1, 1]}}\n"
+        "keyframe: home\nduration: 0.5\n"
+    )
+    tasks = [robot("model: arm.xml\nkeyframe: home\nduration: 0.5\n"), robot("model: bare.xml\n" + added)]
+    offsets = np.random.default_rng(0).uniform(-1, 1, (2, tasks[0].steps, 2)) * tasks[0].command_scale
+    motions = [Simulator(task).rollout(0 * task.feedback, offsets, 0 * offsets) for task in tasks]
+    np.testing.assert_array_equal(*(motion.features[..., :18] for motion in motions))
+    assert tasks[1].action[0].parts == ("shoulder", "elbow")
+
+
+def test_the_force_of_an_added_actuator_is_limited(robot):
+    task = robot(
+        "model: bare.xml\nactuators: {elbow: {velocity: 50, range: 1, force: 0.25}}\n"
+        "signals: {torque: actuator_force.elbow}\nduration: 0.5\n"
+    )
+    offsets = np.full((1, task.steps, 1), 1.0)
+    motion = Simulator(task).rollout(0 * task.feedback, offsets, 0 * offsets)
+    assert np.abs(task.signals(motion.features, motion.commands)["torque"]).max() == 0.25
+
+
+def test_an_actuator_can_be_told_of_other_joints(robot):
+    task = robot("model: arm.xml\nfeedback: {elbow: {shoulder: [0.3, 0.2], elbow: -1}}\n")
+    names = [part for group in task.observation for part in group.parts]
+    assert dict(zip(names, -task.feedback[1], strict=True)) == dict.fromkeys(names, 0.0) | {
+        "qpos.shoulder": 0.3,
+        "qvel.shoulder": 0.2,
+        "qpos.elbow": -1.0,
+    }

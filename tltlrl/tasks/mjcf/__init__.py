@@ -5,8 +5,9 @@ The table of keys is in `keys`; docs/robot-yaml.md is made from it.
 
 from __future__ import annotations
 
+from tltlrl.tasks.mjcf.evaluation import evaluation_of
 from tltlrl.tasks.mjcf.keys import RobotConfig
-from tltlrl.tasks.mjcf.robot import Robot, evaluation_of
+from tltlrl.tasks.mjcf.robot import Robot
 from tltlrl.tasks.task import TaskEntry
 
 MJCF = TaskEntry(config=RobotConfig, make=Robot, evaluation=evaluation_of)

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tltlrl.tasks.mjcf import quantities
+from tltlrl.tasks.mjcf.actuators import OF_JOINT, SINGLE
 from tltlrl.tasks.mjcf.model import Told
-from tltlrl.tasks.mjcf.robot import OF_JOINT, SINGLE
 
 Array = NDArray[np.float64]
 CONTROL_TIMESTEP = 0.05  # s, about

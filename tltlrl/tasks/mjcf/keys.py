@@ -13,6 +13,8 @@ from tltlrl.settings import setting
 
 NUMBER, WORD, TEXT, NAMES = "a number", "a word", "a text", "a list of names"
 NUMBERS_BY_NAME, SETTINGS = "names and numbers, as {elbow: 0.3}", "keys and values, as {model: solid.xml}"
+FEEDBACK = "actuators and gains, as {elbow: -1}"
+ACTUATORS = "joints and actuators, as {elbow: {motor: 10, range: 1}}"
 MOTION = "hold, or a list of waypoints, as [{time: 1, elbow: 0.3}]"
 SIGNALS = "names and what they stand for, as {tip: site_xpos.tip}"
 
@@ -35,6 +37,11 @@ class RobotConfig:
     spread: float = setting(
         "standard deviation of the start, rad or m in every joint; it is drawn anew for each trajectory", 0.0, least=0
     )
+    actuators: dict[str, Any] = setting(
+        "actuators that are added to the model, by the joints that they drive: motor (its gear), position (kp, and "
+        "damping: kv) or velocity (kv), with the range of their commands and, if limited, their force, N or N m",
+        {},
+    )
     commands: list[str] = setting(
         "the actuators that the policy commands, the others are taken out of the model; none named: all", []
     )
@@ -43,7 +50,7 @@ class RobotConfig:
     )
     feedback: dict[str, Any] = setting(
         "what is added to a command, in its unit, per rad or m that its joint is off the reference, by the actuators' "
-        "names: negative pulls back; or two numbers, the second per rad/s or m/s",
+        "names: negative pulls back; or two numbers, the second per rad/s or m/s; or other joints with theirs",
         {},
     )
     reference: Any = setting(
@@ -81,13 +88,23 @@ KINDS: Mapping[str, Kind] = {
     "start": Kind(NUMBERS_BY_NAME, "start: {shoulder: 0.3}"),
     "keyframe": Kind(WORD, "keyframe: home"),
     "spread": Kind(NUMBER, "spread: 0.02"),
+    "actuators": Kind(ACTUATORS, "actuators: {elbow: {velocity: 50, range: [-1, 1], force: 30}}"),
     "commands": Kind(NAMES, "commands: [shoulder, elbow]"),
     "command_noise": Kind(NUMBER, "command_noise: 0.01"),
-    "feedback": Kind(NUMBERS_BY_NAME, "feedback: {shoulder: -1, elbow: [-1, -0.1]}"),
+    "feedback": Kind(FEEDBACK, "feedback: {shoulder: -1, elbow: {elbow: [-1, -0.1], wrist: 0.2}}"),
     "reference": Kind(MOTION, "reference: [{time: 2, shoulder: 1.2}, {time: 4, shoulder: 0.5, elbow: 1}]"),
     "signals": Kind(SIGNALS, "signals: {tip: site_xpos.tip, angles: [qpos.shoulder, qpos.elbow]}"),
     "ends_when": Kind(TEXT, "ends_when: tip.z < 0"),
     "evaluation": Kind(SETTINGS, "evaluation: {model: solid.xml}"),
     "camera": Kind(WORD, "camera: front"),
 }
-FIXED_IN_EVALUATION = ("duration", "control_timestep", "commands", "feedback", "reference", "signals", "evaluation")
+FIXED_IN_EVALUATION = (
+    "duration",
+    "control_timestep",
+    "actuators",
+    "commands",
+    "feedback",
+    "reference",
+    "signals",
+    "evaluation",
+)

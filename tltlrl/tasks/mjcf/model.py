@@ -12,7 +12,8 @@ import mujoco
 from lxml import etree
 
 from tltlrl.errors import UserError, nearest
-from tltlrl.tasks.mjcf.page import shown
+from tltlrl.tasks.mjcf.keys import RobotConfig
+from tltlrl.tasks.mjcf.page import Key, mistake, shown
 
 Told = Callable[[str], UserError]  # what is wrong => the error that says where
 
@@ -53,6 +54,17 @@ def digest_of(path: Path) -> str:
     for file in _files(path):
         total.update(hashlib.sha256(file.read_bytes()).digest())
     return total.hexdigest()
+
+
+def page_digest(config: RobotConfig) -> str:
+    """Of the files of the model, and of that of the evaluation."""
+    folder = Path(config.file).parent
+    path = model_path(config.model, folder, lambda what: mistake(config, ("model",), what))
+    paths = [path]
+    if "model" in config.evaluation:
+        there: Key = ("evaluation", "model")
+        paths.append(model_path(config.evaluation["model"], folder, lambda what: mistake(config, there, what)))
+    return "-".join(digest_of(path)[:32] for path in paths)
 
 
 def _files(path: Path) -> list[Path]:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import keyword
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,18 @@ from typing import Any
 import yaml
 
 from tltlrl.errors import UserError, nearest, printable
-from tltlrl.tasks.mjcf.keys import FIXED_IN_EVALUATION, KINDS, MOTION, NAMES, NUMBER, SETTINGS, SIGNALS, RobotConfig
+from tltlrl.tasks.mjcf.keys import (
+    ACTUATORS,
+    FEEDBACK,
+    FIXED_IN_EVALUATION,
+    KINDS,
+    MOTION,
+    NAMES,
+    NUMBER,
+    SETTINGS,
+    SIGNALS,
+    RobotConfig,
+)
 from tltlrl.tasks.mjcf.keys import NUMBERS_BY_NAME as BY_NAME
 
 Key = tuple[str, ...]  # ("signals", "tip")
@@ -52,6 +64,12 @@ def shown(path: Path) -> str:
     """A path as its user would write it: from here, if it lies below."""
     relative = os.path.relpath(path)
     return str(path) if relative.startswith("..") else relative
+
+
+def task_name(file: Path) -> str:
+    """The name of a robot's task: that of its page, as one word."""
+    word = "".join(c if c.isalnum() or c == "_" else "_" for c in file.stem)
+    return word if word.isidentifier() and not keyword.iskeyword(word) else f"robot_{word}"
 
 
 def read_page(path: Path) -> Page:
@@ -120,7 +138,7 @@ def _check(page: Page, values: Mapping[str, Any], within: Key) -> None:
             at: Any = value
             for part in inner:
                 at = at[int(part)] if isinstance(at, list) else at[part]
-            expected = {BY_NAME: "a number", SIGNALS: "a quantity or a list of them, as site_xpos.tip"}.get(kind, kind)
+            expected = PARTS.get(kind, kind)
             raise page.mistake(
                 (*within, key, *inner),
                 f"expected {expected if inner else kind}, not {printable(repr(at))}; for instance {KINDS[key].example}",
@@ -139,11 +157,10 @@ def _wrong(value: Any, kind: str) -> Iterator[Key]:
         right = _number(value)
     elif kind == NAMES:
         right = isinstance(value, list) and all(isinstance(part, str) for part in value)
-    elif kind in (BY_NAME, SIGNALS, SETTINGS):
+    elif kind in (*FITS, SETTINGS):
         right = isinstance(value, dict)
         if right and kind != SETTINGS:
-            fits = _numbers if kind == BY_NAME else _quantities
-            yield from ((name,) for name, part in value.items() if not fits(part))
+            yield from ((name,) for name, part in value.items() if not FITS[kind](part))
     elif kind == MOTION:
         right = value == "hold" or (isinstance(value, list) and bool(value))
         if right and value != "hold":
@@ -169,6 +186,28 @@ def _numbers(value: Any) -> bool:
 def _quantities(value: Any) -> bool:
     parts = value if isinstance(value, list) else [value]
     return bool(parts) and all(isinstance(part, str) for part in parts)
+
+
+def _fed_back(value: Any) -> bool:
+    return _numbers(value) or _parts(value)
+
+
+def _parts(value: Any) -> bool:
+    return isinstance(value, dict) and bool(value) and all(map(_numbers, value.values()))
+
+
+FITS: Mapping[str, Callable[[Any], bool]] = {
+    BY_NAME: _numbers,
+    FEEDBACK: _fed_back,
+    ACTUATORS: _parts,
+    SIGNALS: _quantities,
+}
+PARTS = {
+    BY_NAME: "a number",
+    FEEDBACK: "one number or two, or joints with theirs",
+    ACTUATORS: "its kind with its gain, and its range, as {motor: 10, range: 1}",
+    SIGNALS: "a quantity or a list of them, as site_xpos.tip",
+}
 
 
 def mistake(config: RobotConfig, key: Key, what: str, told_within: Key = ()) -> UserError:
