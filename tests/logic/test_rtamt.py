@@ -68,3 +68,37 @@ def test_agreement(text, steps, seed):
         values = spec.evaluate({"time": list(range(steps)), **{k: v.tolist() for k, v in signals.items()}})
     found = ours(text).robustness_over_time({name: v[None] for name, v in signals.items()})
     assert found[0].tolist() == [value for _, value in values]
+
+
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        ("prev a > 0", [np.inf, 100, -1, -2, 5]),
+        ("next a > 0", [-1, -2, 5, -1, np.inf]),
+        ("not (a > 0)", [-100, 1, 2, -5, 1]),
+        ("a > 0 and b > 0", [20, -2, -2, 4, -1]),
+        ("a > 0 or b > 0", [100, -1, 10, 5, -1]),
+        ("a > 0 -> b > 0", [20, 1, 10, 4, 1]),
+        ("always a > 0", [-2, -2, -2, -1, -1]),
+        ("always[0,1] a > 0", [-1, -2, -2, -1, -1]),
+        ("eventually a > 0", [100, 5, 5, 5, -1]),
+        ("eventually[0,1] a > 0", [100, -1, 5, 5, -1]),
+        ("a > 0 until b > 0", [20, -1, 10, 4, -1]),
+        ("a > 0 until[0,1] b > 0", [20, -1, 10, 4, -1]),
+        ("historically a > 0", [100, -1, -2, -2, -2]),
+        ("historically[0,1] a > 0", [100, -1, -2, -2, -1]),
+        ("historically[1,2] a > 0", [np.inf, 100, -1, -2, -2]),
+        ("once a > 0", [100, 100, 100, 100, 100]),
+        ("once[0,1] a > 0", [100, 100, -1, 5, 5]),
+        ("once[1,2] a > 0", [-np.inf, 100, 100, -1, 5]),
+        ("a > 0 since b > 0", [20, -1, 10, 5, -1]),
+        ("a > 0 since[0,1] b > 0", [20, -1, 10, 5, -1]),
+        ("rise(a > 0)", [100, -100, -2, 2, -5]),
+        ("fall(a > 0)", [-100, 1, -1, -5, 1]),
+    ],
+)
+def test_the_values_that_rtamt_expects_of_its_own_operators(text, values):
+    """The two traces and the values of its test suite, where ours is not another operator (its iff is -|a - b|)."""
+    signals = {"a": np.array([[100.0, -1, -2, 5, -1]]), "b": np.array([[20.0, -2, 10, 4, -1]])}
+    spec = parse_spec(f"signal a\nsignal b\nspec: {text}")
+    np.testing.assert_array_equal(spec.robustness_over_time(signals), [values])
