@@ -11,6 +11,9 @@ OVERRIDES :=
 export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
 
+# Each command would compile every module again, and that is most of a short command's time.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: help reproduce-figures test lint types bench fuzz kill grammar grid-search clean
 
 help:
