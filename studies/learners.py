@@ -22,11 +22,11 @@ BEST = {"reach_avoid": 0.2, "visit_in_order": 0.2, "toast": 0.025}
 REUSE = ("algorithm.told=leximin", "algorithm.batches=5", "algorithm.epsilon=2")
 # The budget, and all else that is not named here, is that of the task's experiment in figure 3.3 or 3.4.
 LEARNERS: dict[str, tuple[str, ...]] = {
-    "episodic": ("cases=tltl_episodic",),
-    "episodic_reuse": ("cases=tltl_episodic", *REUSE),
-    "episodic_basis": ("cases=tltl_episodic", "algorithm.basis=10"),
-    "cma_basis": ("cases=tltl_cma", "algorithm.basis=10"),
-    "best": ("cases=tltl_episodic", "algorithm.calm=0"),
+    "episodic": ("cases=[tltl_episodic]",),
+    "episodic_reuse": ("cases=[tltl_episodic]", *REUSE),
+    "episodic_basis": ("cases=[tltl_episodic]", "algorithm.basis=10"),
+    "cma_basis": ("cases=[tltl_cma]", "algorithm.basis=10"),
+    "best": ("cases=[tltl_episodic]", "algorithm.calm=0"),
 }
 
 

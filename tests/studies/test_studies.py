@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from studies import covariance, grid_search, smoothness
+from studies import covariance, grid_search, learners, smoothness
 from studies.claims import claim_lines
 from studies.lockstep import Kinematic, Learner, train
 from tltlrl.cli import main as cli
@@ -171,3 +171,34 @@ def test_pages_show_the_tables_of_their_csv_files():
         experiment, _ = read(compose([f"experiment={task}"]))
         for line in summary_page(experiment, summary, {}).splitlines():
             assert not line.startswith("|") or line in results, line
+
+
+def test_learners_are_compared_by_when_they_satisfy_for_good(tmp_path):
+    """Of three runs one satisfies from the third iteration on, one from the first, and one loses it again."""
+    kept = {0: [-0.1, 0.1, -0.1, 0.1], 1: [0.1, 0.1, 0.1, 0.1], 2: [0.1, 0.1, 0.1, -0.1]}
+    curves = pd.DataFrame(
+        {"seed": seed, "iteration": i, "episodes": 10 * (i + 1), "robustness_policy": value}
+        for seed, values in kept.items()
+        for i, value in enumerate(values)
+    )
+    curves.to_csv(tmp_path / "learning_curves.csv", index=False)
+    last = pd.DataFrame({"seed": list(kept), "robustness_policy": [values[-1] for values in kept.values()]})
+    last = last.assign(
+        satisfied=last.robustness_policy > 0, first_satisfied_iteration=[1, 0, 0], trials=10, successes=[10, 9, 0]
+    )
+    last.to_csv(tmp_path / "summary.csv", index=False)
+    rows = learners.rows_of(tmp_path, "reach_avoid", "episodic")
+    assert rows["for_good"].tolist() == [3, 0, pd.NA]
+    assert rows["share_of_best"].tolist() == pytest.approx([0.5, 0.5, -0.5])
+    (row,) = learners.overview(rows).to_dict("records")
+    assert (row["satisfied"], row["for good"], row["trials"], row["episodes"]) == ("2 of 3", "3", "19 of 30", 40)
+    curves["robustness_kept"] = 0.1  # of a run that keeps the best: this is what counts
+    curves.to_csv(tmp_path / "learning_curves.csv", index=False)
+    assert learners.rows_of(tmp_path, "reach_avoid", "best")["for_good"].tolist() == [0, 0, pd.NA]
+
+
+def test_every_learner_of_the_table_is_one_that_tltl_run_accepts(tmp_path):
+    for task in learners.BEST:
+        for name in learners.LEARNERS:
+            study, _ = read(compose(learners.command(task, name, 20, tmp_path)))
+            assert (len(study.runs()), study.name) == (20, f"learners_{task}_{name}")
