@@ -1,6 +1,7 @@
 """The leximin surrogate of a trajectory's clauses."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
@@ -33,3 +34,17 @@ def test_a_clause_that_gets_better_is_never_worse_to_have(clauses, data):
 def test_it_tells_two_trajectories_apart_that_fail_at_the_same_clause():
     one, other = leximin(np.array([[-1.0, -0.5, 0.2], [-1.0, 0.1, 0.2]]))
     assert other > one
+
+
+@pytest.mark.parametrize(
+    ("clauses", "told"),
+    [
+        ([-1.0, 0.5, np.inf], -1 + 0.25 + 0.125),
+        ([np.inf, -2.0, np.inf], -2 * 1.75),
+        ([-np.inf, 1.0, np.inf], -np.inf),
+        ([-np.inf, np.inf, np.inf], -np.inf),
+        ([np.inf, np.inf, np.inf], np.inf),
+    ],
+)
+def test_a_clause_that_nothing_decides_counts_as_much_as_the_best_that_something_does(clauses, told):
+    assert leximin(np.array([clauses]))[0] == told

@@ -7,7 +7,8 @@ c_(0) <= c_(1) <= ..., are weighed by the powers of a half,
     L = sum_k 2^-k c_(k)
 
 It is a continuous surrogate of the leximin order, not that order itself, and its sign is not the spec's: a learner may
-follow it, and nothing is judged by it.
+follow it, and nothing is judged by it. A clause that nothing decides is worth +inf (G over a window that a trajectory
+cut short never reaches); it counts as much as the best of the clauses that something decides, so that it wins nothing.
 """
 
 from __future__ import annotations
@@ -38,7 +39,11 @@ def leximin(clauses: Array) -> Array:
     """The surrogate L of each trajectory, shape (N,).
 
     Args:
-      clauses: robustness of every top-level clause of the spec, shape (N, C), in the predicates' unit.
+      clauses: robustness of every top-level clause of the spec, shape (N, C), in the predicates' unit; L is -inf where
+        one of them is, and +inf where all are +inf.
     """
+    decided = clauses < np.inf
+    best = np.max(clauses, axis=1, keepdims=True, where=decided, initial=-np.inf)
+    clauses = np.where(decided | ~decided.any(axis=1, keepdims=True), clauses, best)
     in_order = np.ascontiguousarray(np.sort(clauses, axis=1))  # else the last digit depends on how it lies in memory
     return np.asarray(in_order @ 0.5 ** np.arange(clauses.shape[1]))
