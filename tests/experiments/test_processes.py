@@ -14,7 +14,7 @@ import pytest
 from computations import steps
 
 from tltlrl.errors import UserError
-from tltlrl.experiments.processes import run_in_processes
+from tltlrl.experiments.processes import _without_interrupt, run_in_processes
 
 HERE = Path(__file__).parent
 
@@ -139,3 +139,20 @@ def test_a_worker_that_cannot_import_what_it_needs_is_told(tmp_path, monkeypatch
     module.steps.__module__ = "only_here"
     with pytest.raises(UserError, match="could not be started: ModuleNotFoundError: No module named 'only_here'"):
         ends(["any"], tmp_path, 1, module.steps)
+
+
+def test_an_interrupt_waits_for_a_worker_that_is_being_started_even_if_another_thread_gets_it():
+    within, before, ended = threading.Event(), signal.getsignal(signal.SIGINT), []
+
+    def interrupt():
+        within.wait()
+        signal.pthread_kill(threading.get_ident(), signal.SIGINT)
+
+    other = threading.Thread(target=interrupt)
+    other.start()
+    with pytest.raises(KeyboardInterrupt), _without_interrupt():
+        within.set()
+        other.join()
+        ended.append(sum(range(1000)))
+    assert ended == [499500]
+    assert signal.getsignal(signal.SIGINT) is before

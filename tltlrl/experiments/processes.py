@@ -156,13 +156,30 @@ def _start(workers: int) -> _Worker:
 
 @contextlib.contextmanager
 def _without_interrupt() -> Iterator[None]:
-    """What is started here leaves Ctrl-C, which reaches the whole process group, to this process."""
+    """What is started here leaves Ctrl-C, which reaches the whole process group, to this process.
+
+    And here it waits for the end: blocked in this thread, the signal may still reach another one, and its exception
+    would come between a worker's start and what the worker reads first.
+    """
     resource_tracker.ensure_running()  # starting it unblocks the signal, so that comes first
+    handler, interrupted = signal.getsignal(signal.SIGINT), False
+
+    def remember(*_: object) -> None:
+        nonlocal interrupted
+        interrupted = True
+
+    deferred = callable(handler) and threading.current_thread() is threading.main_thread()
+    if deferred:
+        signal.signal(signal.SIGINT, remember)
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        if deferred:
+            signal.signal(signal.SIGINT, handler)
+    if interrupted:
+        raise KeyboardInterrupt
 
 
 def _work(pipe: Connection) -> None:
