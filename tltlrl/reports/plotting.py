@@ -191,6 +191,7 @@ def save(figure: Figure, path: Path) -> None:
     for suffix, metadata in FORMATS.items():
         buffer = io.BytesIO()
         figure.savefig(buffer, format=suffix[1:], dpi=200, metadata=metadata)
+        figure.set_layout_engine("none")  # laid out once: the same picture in every format
         write_bytes(path.with_name(path.name + suffix), buffer.getvalue())
 
 
