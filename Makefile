@@ -38,7 +38,7 @@ reproduce-figures: $(READY)
 
 ## make test: lint, types, tests, and a short run of each experiment through the real command
 test: lint types
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses logical --dist worksteal
 
 lint: $(READY)
 	$(BIN)/ruff check .

@@ -9,23 +9,21 @@ import sys
 import time
 from pathlib import Path
 
+import forked
 import pytest
 
 from tltlrl.errors import UserError
 from tltlrl.experiments import engine
 
 SETTINGS = (
-    "experiment=reach_avoid", "name=small", "seeds=3", "cases=[tltl_episodic]", "algorithm.iterations=300",
+    "experiment=reach_avoid", "name=small", "seeds=3", "cases=[tltl_episodic]", "algorithm.iterations=150",
     "algorithm.samples=8", "algorithm.epsilon=0.5", "task.steps=60", "trials=3",
 )  # fmt: skip
 
 
 def tltl_run(folder, *arguments):
-    done = subprocess.run(
-        [sys.executable, "-c", "import sys; from tltlrl.cli.main import run; sys.exit(run(sys.argv[1:]))", *arguments],
-        cwd=folder, capture_output=True, text=True, timeout=300, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
+    code, _, errors = forked.tltl_run(folder, *arguments)
+    assert code == 0, errors
     files = sorted(folder.glob("runs/small/**/progress.csv")) + sorted(folder.glob("runs/small/**/policy.npz"))
     return {str(path.relative_to(folder)): path.read_bytes() for path in [*files, folder / "runs/small/summary.csv"]}
 
@@ -76,15 +74,11 @@ def test_a_scheduler_of_ones_own_gives_the_same_bytes_even_if_a_worker_is_killed
 
 
 def test_a_scheduler_that_is_not_there_is_told(tmp_path):
-    done = subprocess.run(
-        [sys.executable, "-c", "import sys; from tltlrl.cli.main import run; sys.exit(run(sys.argv[1:]))", *SETTINGS,
-         "engine.address=tcp://127.0.0.1:1"],
-        cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False,
-    )  # fmt: skip
-    assert done.returncode == 2
-    assert "engine.address: no scheduler answers at tcp://127.0.0.1:1 (" in done.stderr
+    code, _, errors = forked.tltl_run(tmp_path, *SETTINGS, "engine.address=tcp://127.0.0.1:1")
+    assert code == 2
+    assert "engine.address: no scheduler answers at tcp://127.0.0.1:1 (" in errors
     assert not (tmp_path / "runs").exists()
-    assert "Traceback" not in done.stderr
+    assert "Traceback" not in errors
 
 
 @pytest.mark.parametrize("who", ["silent", "worker"])
@@ -131,7 +125,7 @@ def test_the_clusters_pages_commands(tmp_path):
     page = (Path(__file__).parents[2] / "docs/clusters.md").read_text()
     (tmp_path / ".venv").symlink_to(sys.prefix)
     block = page.split("```sh\n")[1].split("```")[0].replace("8786", "18786")
-    small = " ".join(SETTINGS).replace("iterations=300", "iterations=2").replace("experiment=reach_avoid ", "")
+    small = " ".join(SETTINGS).replace("iterations=150", "iterations=2").replace("experiment=reach_avoid ", "")
     command = block.replace("tltl-run experiment=reach_avoid", f"tltl-run experiment=reach_avoid {small}")
     script = f"set -e\ntrap 'kill $(jobs -p)' EXIT\n{command}"
     done = subprocess.run(

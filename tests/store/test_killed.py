@@ -1,6 +1,6 @@
 """Killed at any moment and started again, tltl-run ends with the bytes of a run that nothing disturbed.
 
-TLTL_KILLS sets at how many moments in each of three ways (4 with one worker; with two, 1 of the command and 1 of a
+TLTL_KILLS sets at how many moments in each of three ways (3 with one worker; with two, 1 of the command and 1 of a
 worker), TLTL_KILLS_SEED which (0).
 """
 
@@ -12,11 +12,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+import forked
 import killed
 import pytest
-
-import tltlrl.experiments.experiment  # noqa: F401  # so that the forked processes have it
-from tltlrl.cli import main as cli
 
 KILLS = os.environ.get("TLTL_KILLS")
 SETTINGS = (
@@ -31,8 +29,11 @@ def tltl_run(folder, workers, who=None, moment=None, number=0):
     notes = folder / f"notes_{number}"
     notes.mkdir(parents=True)
     conditions = {"who": who, "moment": moment, "notes": str(notes)}
-    command = forked if workers == 1 else spawned
-    code, errors = command(folder, conditions, [*SETTINGS, f"workers={workers}"])
+    arguments = [*SETTINGS, f"workers={workers}"]
+    if workers == 1:
+        code, _, errors = forked.tltl_run(folder, *arguments, first=lambda: killed.install(**conditions, role="command"))
+    else:
+        code, errors = spawned(folder, conditions, arguments)
     moments = {path.name.partition(".")[0]: path.read_text().splitlines() for path in notes.glob("*.*")}
     return code, errors, moments, (notes / "killed").exists()
 
@@ -44,22 +45,6 @@ def spawned(folder, conditions, arguments):
         timeout=120, check=False,
     )  # fmt: skip
     return done.returncode, done.stderr
-
-
-def forked(folder, conditions, arguments):
-    """As `spawned`, but without the two seconds of importing everything."""
-    said = folder / "said.txt"
-    pid = os.fork()
-    if pid == 0:
-        code = None
-        try:
-            os.chdir(folder)
-            with open(said, "w") as sys.stderr:
-                killed.install(**conditions, role="command")
-                code = cli.run(arguments)
-        finally:
-            os._exit(3 if code is None else code)
-    return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]), said.read_text()
 
 
 def result(folder):
@@ -94,7 +79,7 @@ def of_workers(moment):
 
 def test_one_worker(undisturbed, tmp_path):
     expected, moments = undisturbed
-    for number in chosen(moments, int(KILLS or 4)):
+    for number in chosen(moments, int(KILLS or 3)):
         folder = tmp_path / str(number)
         code, _, listed, was_killed = tltl_run(folder, 1, "command", number)
         assert was_killed
