@@ -148,11 +148,15 @@ def test_an_interrupt_waits_for_a_worker_that_is_being_started_even_if_another_t
         within.wait()
         signal.pthread_kill(threading.get_ident(), signal.SIGINT)
 
+    def start():
+        with _without_interrupt():
+            within.set()
+            other.join()
+            ended.append(sum(range(1000)))
+
     other = threading.Thread(target=interrupt)
     other.start()
-    with pytest.raises(KeyboardInterrupt), _without_interrupt():
-        within.set()
-        other.join()
-        ended.append(sum(range(1000)))
+    with pytest.raises(KeyboardInterrupt):
+        start()
     assert ended == [499500]
     assert signal.getsignal(signal.SIGINT) is before

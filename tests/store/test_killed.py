@@ -31,7 +31,9 @@ def tltl_run(folder, workers, who=None, moment=None, number=0):
     conditions = {"who": who, "moment": moment, "notes": str(notes)}
     arguments = [*SETTINGS, f"workers={workers}"]
     if workers == 1:
-        code, _, errors = forked.tltl_run(folder, *arguments, first=lambda: killed.install(**conditions, role="command"))
+        code, _, errors = forked.tltl_run(
+            folder, *arguments, first=lambda: killed.install(**conditions, role="command")
+        )
     else:
         code, errors = spawned(folder, conditions, arguments)
     moments = {path.name.partition(".")[0]: path.read_text().splitlines() for path in notes.glob("*.*")}
