@@ -75,7 +75,7 @@ def launcher():
 
 def test_the_folder_of_a_finished_experiment(undisturbed):
     expected = {"config.yaml", "manifest.json", "learning_curves.csv", "summary.csv", "summary.md", "report.md"}
-    assert expected | {"learning_curves.png", "learning_curves.pdf", "log.txt"} <= {
+    assert expected | {"learning_curves.png", "learning_curves.pdf", "clauses.png", "clauses.pdf", "log.txt"} <= {
         p.name for p in undisturbed.iterdir()
     }
     assert (undisturbed / "specs" / "reach_avoid.tltl").exists()
@@ -83,7 +83,7 @@ def test_the_folder_of_a_finished_experiment(undisturbed):
         assert {p.name for p in (undisturbed / case).iterdir() if p.is_file()} == {"workspace.png", "workspace.pdf"}
         for seed in (0, 1):
             run_folder = undisturbed / case / f"seed_{seed}"
-            files = {"progress.csv", "timing.csv", "policy.npz", "done.json", "last.npz"}
+            files = {"progress.csv", "clauses.csv", "timing.csv", "policy.npz", "done.json", "last.npz"}
             assert {p.name for p in run_folder.glob("[!.]*")} == files
 
 

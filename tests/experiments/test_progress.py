@@ -63,16 +63,31 @@ class Terminal(io.StringIO):
         return True
 
 
+SAID = "robustness -0.125, `G safe` decides 93 %"
+
+
 @pytest.mark.parametrize(
     ("stream", "said"),
-    [(io.StringIO(), "a at iteration 31/90, robustness -0.125\n"), (Terminal(), "a, robustness -0.125]")],
+    [(io.StringIO(), f"a seed 1 at iteration 21/90, {SAID}\n"), (Terminal(), f"left, seed 1 at 40/90, {SAID}")],
     ids=["lines", "bar"],
 )
-def test_the_robustness_so_far_is_said(tmp_path, monkeypatch, stream, said):
+def test_where_a_run_stands_is_said(tmp_path, monkeypatch, stream, said):
     now = [0.0]
     monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
-    with Progress(["b", "a"], 90, tmp_path / "log.txt", [None, -0.125].__getitem__, stream) as bar:
+    with Progress(["b seed 0", "a seed 1"], 90, tmp_path / "log.txt", ["", SAID].__getitem__, stream) as bar:
         for i in range(40):
-            now[0] += 1.0
+            now[0] += 1.5
             bar.advance(1, i + 1)
     assert said in stream.getvalue()
+
+
+def test_on_a_terminal_every_case_has_a_line(tmp_path):
+    stream = Terminal()
+    labels = ["tltl_cma seed 0", "tltl_cma seed 1", "discrete_step seed 0"]
+    with Progress(labels, 10, tmp_path / "log.txt", stream=stream) as bar:
+        bar.advance(0, 10)
+        bar.advance(2, 10)
+        bar.end(2, None)
+    last = stream.getvalue().replace("\n", "\r").split("\r")
+    assert any(line.startswith("tltl_cma       50 %") or "tltl_cma        50 %" in line for line in last)
+    assert any("discrete_step 100 %" in line for line in last)

@@ -64,7 +64,7 @@ def in_a_child(prepare, command, *arguments):
 
 def without_figure():
     """The figure is what takes most of the time."""
-    tltlrl.reports.report.plot_learning_curves = lambda *_: None
+    tltlrl.reports.report.plot_learning_curves = tltlrl.reports.report.plot_clauses = lambda *_: None
 
 
 def tltl_run(folder, prepare=without_figure):
@@ -152,6 +152,8 @@ SPEC = "specs/reach_avoid.tltl"
 AGAIN = "the run is computed again"
 RUN_DAMAGES = [
     (f"{RUN}/progress.csv", deleted, f"progress.csv is missing; {AGAIN}"),
+    (f"{RUN}/clauses.csv", deleted, f"clauses.csv is missing; {AGAIN}"),
+    (f"{RUN}/clauses.csv", cut, f"clauses.csv is not as it was written; {AGAIN}"),
     *(
         (f"{RUN}/progress.csv", damage, f"progress.csv is not as it was written; {AGAIN}")
         for damage in (emptied, cut, without_last_row, with_nan, with_text, with_other_digits)

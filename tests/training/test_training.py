@@ -14,6 +14,7 @@ from tltlrl.learning.reps import reward_to_go, solve_dual
 from tltlrl.learning.scores import leximin
 from tltlrl.logic import telescope
 from tltlrl.simulation.trials import mean_motion
+from tltlrl.store.run import DamagedError, read_results
 from tltlrl.training import calm as calm_module
 from tltlrl.training import session
 from tltlrl.training.build import first_policy, make_reward, refined_policy, set_up
@@ -119,7 +120,7 @@ def test_stopped_after_any_iteration_it_ends_with_the_same_bytes(
     first = []
     train(run, tmp_path / "stopped", first.append)
     assert first[0] == (stop_at if checkpoint_seconds == 0.0 else 1)  # it went on from the last checkpoint
-    for name in ("progress.csv", "policy.npz", "done.json"):
+    for name in ("progress.csv", "clauses.csv", "policy.npz", "done.json"):
         assert (tmp_path / "stopped" / name).read_bytes() == (tmp_path / "undisturbed" / name).read_bytes(), name
     assert not (tmp_path / "stopped" / "checkpoint.npz").exists()
 
@@ -139,7 +140,7 @@ def test_diagnostics_that_change_are_told_and_never_stand_under_other_names(case
     assert "eta_of_phase_two" not in (tmp_path / "progress.csv").read_text()
 
 
-@pytest.mark.parametrize("damage", ["truncated", "missing", "csv too short", "csv missing"])
+@pytest.mark.parametrize("damage", ["truncated", "missing", "csv too short", "csv missing", "no clauses.csv"])
 def test_a_damaged_checkpoint_starts_the_run_again(cases, tmp_path, monkeypatch, damage):
     run = cases["tltl_episodic"]
     train(run, tmp_path / "undisturbed", lambda _: None)
@@ -157,16 +158,18 @@ def test_a_damaged_checkpoint_starts_the_run_again(cases, tmp_path, monkeypatch,
         checkpoint.write_bytes(checkpoint.read_bytes()[:100])
     elif damage == "missing":
         checkpoint.unlink()
+    elif damage == "no clauses.csv":  # as of an older version
+        (folder / "clauses.csv").unlink()
     elif damage == "csv too short":
         progress.write_text("".join(progress.read_text().splitlines(keepends=True)[:2]))
     else:
         progress.unlink()
     train(run, folder, lambda _: None)
-    assert progress.read_bytes() == (tmp_path / "undisturbed" / "progress.csv").read_bytes()
+    assert files(folder) == files(tmp_path / "undisturbed")
 
 
 def files(folder):
-    return {name: (folder / name).read_bytes() for name in ("progress.csv", "policy.npz", "done.json")}
+    return {name: (folder / name).read_bytes() for name in ("progress.csv", "clauses.csv", "policy.npz", "done.json")}
 
 
 @pytest.mark.parametrize("case", ["tltl_episodic", "continuous_step"])
@@ -191,6 +194,41 @@ def test_given_more_iterations_a_finished_run_goes_on_to_the_same_bytes(cases, t
     train(run, folder, done.append)
     assert done == ([5, 6] if what in ("whole", "killed before it went on") else [1, 2, 3, 4, 5, 6])
     assert files(folder) == files(tmp_path / "whole")
+
+
+def test_a_result_without_clauses_of_an_older_version_is_whole(cases, tmp_path):
+    run, done = cases["tltl_episodic"], tmp_path / "done.json"
+    train(run, tmp_path, lambda _: None)
+    (tmp_path / "clauses.csv").write_text("")
+    with pytest.raises(DamagedError, match="clauses"):
+        read_results(tmp_path, run.identity())
+    content = json.loads(done.read_text())
+    del content["sha256"]["clauses.csv"]
+    done.write_text(json.dumps(content))
+    (tmp_path / "clauses.csv").unlink()
+    assert read_results(tmp_path, run.identity())["iterations"] == 6
+
+
+def test_clauses_are_those_of_the_sampled_trajectories(cases, tmp_path):
+    run = cases["discrete_episodic"]
+    train(run, tmp_path, lambda _: None)
+    row = pd.read_csv(tmp_path / "clauses.csv").iloc[0]
+    *_, signals = by_hand(run)
+    goal, safe = run.spec.clauses(signals).values()
+    why, robustness = run.spec.explain(signals), run.spec.robustness(signals)
+    over_time = run.spec.definitions_over_time(signals)
+    expected = {
+        "clause mean: F G at_goal": goal.mean(),
+        "clause best: G safe": safe.max(),
+        "clause met: G safe": np.mean(safe > 0),
+        "clause decides: F G at_goal": np.mean(goal == robustness),
+        "name mean: at_goal": over_time["at_goal"].max(axis=1).mean(),
+        "name met: safe": np.mean((over_time["safe"] > 0).any(axis=1)),
+        "name kept: safe": np.mean((over_time["safe"] > 0).all(axis=1)),
+        "name decides: safe": np.mean([each.name == "safe" for each in why]),
+    }
+    np.testing.assert_allclose(row[list(expected)].astype(float), list(expected.values()), rtol=1e-4)
+    assert len(row) == 1 + 2 * 4 + 2 * 5
 
 
 def test_a_finished_run_is_left_alone(cases, tmp_path):
@@ -261,7 +299,7 @@ def test_stopped_in_either_stage_or_between_them_it_ends_with_the_same_bytes(tmp
     first = []
     train(run, tmp_path / "stopped", first.append)
     assert first[0] == stop_at + 1
-    for name in ("progress.csv", "policy.npz", "done.json"):
+    for name in ("progress.csv", "clauses.csv", "policy.npz", "done.json"):
         assert (tmp_path / "stopped" / name).read_bytes() == (tmp_path / "undisturbed" / name).read_bytes(), name
 
 

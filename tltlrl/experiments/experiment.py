@@ -25,9 +25,10 @@ from tltlrl.reports.plotting import FORMATS
 from tltlrl.reports.report import write_report
 from tltlrl.reports.workspace import draw_workspace
 from tltlrl.store import layout
+from tltlrl.store.clauses import standing_so_far
 from tltlrl.store.files import clear_leftovers, digest, write_bytes, write_json, write_text
 from tltlrl.store.layout import CALM, CALM_WORKSPACE, CONFIG, DONE, LOG, MANIFEST, POLICY, SPECS, START, WORKSPACE
-from tltlrl.store.run import DamagedError, read_checkpoint, read_results, robustness_so_far, shelve_checkpoint
+from tltlrl.store.run import DamagedError, read_checkpoint, read_results, shelve_checkpoint
 from tltlrl.training.build import cut_windows, make_task
 from tltlrl.training.session import learned_policy, shorter_run
 from tltlrl.training.study import Run, Study, with_later
@@ -74,7 +75,7 @@ def run_experiment(study: Study, machinery: Machinery, command: list[str]) -> bo
             [label(run) for run in missing],
             study.algorithm.iterations,
             folder / LOG,
-            lambda index: robustness_so_far(paths[index]),
+            lambda index: standing_so_far(paths[index]),
         ) as progress:
             for note in [*notes, *damages]:
                 progress.say(note)

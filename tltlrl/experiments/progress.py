@@ -1,4 +1,4 @@
-"""How far a long job is: a bar on a terminal, plain lines elsewhere, and a log file in the experiment's folder."""
+"""How far a long job is: on a terminal a bar for each case, elsewhere plain lines, and a log file in the folder."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from tqdm import tqdm
 
 LINE_SECONDS = 30.0
 BAR_SECONDS = 1.0
+BAR = "{desc} {percentage:3.0f} % |{bar:8}| {remaining} left{postfix}"
 
 
 class Progress:
@@ -22,36 +23,51 @@ class Progress:
         labels: list[str],
         iterations: int,
         log: Path,
-        robustness: Callable[[int], float | None] = lambda _: None,
+        standing: Callable[[int], str] = lambda _: "",
         stream: TextIO | None = None,
     ) -> None:
         self._labels = labels
-        self._robustness = robustness  # of a run so far, by its index
+        self._standing = standing  # what there is to say of a run so far, by its index
         self._iterations = iterations
         self._done = [0] * len(labels)
         self._ended = 0
         self._failed = 0
         self._start = self._last_line = time.monotonic()
+        self._case = [label.partition(" seed ")[0] for label in labels]
+        cases = list(dict.fromkeys(self._case))
+        self._shown = dict.fromkeys(cases, self._start)  # when the bar of each said last where it stands
         self._earlier = [0] * len(labels)  # iterations of an earlier session, which say nothing of the speed
         stream = stream or sys.stderr
         self._stream: TextIO | None = stream
         self._log = open(log, "a", encoding="utf-8")  # noqa: SIM115  # closed by __exit__
-        self._bar: Any = tqdm(
-            total=len(labels) * iterations, unit="it", file=stream, disable=not stream.isatty(), dynamic_ncols=True
-        )
+        self._on_terminal = stream.isatty()
+        width = max(map(len, cases), default=0)
+        self._bars: dict[str, Any] = {
+            case: tqdm(
+                total=self._case.count(case) * iterations,
+                desc=case.ljust(width),
+                position=place,
+                bar_format=BAR,
+                file=stream,
+                disable=not self._on_terminal,
+                dynamic_ncols=True,
+            )
+            for place, case in enumerate(cases)
+        }
 
     def __enter__(self) -> Progress:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._bar.close()
+        for bar in self._bars.values():
+            bar.close()
         self._log.close()
 
     def say(self, line: str) -> None:
         """One line on the terminal and, with the time of day, in the log file."""
         print(time.strftime("%Y-%m-%d %H:%M:%S"), line, file=self._log, flush=True)
-        if not self._bar.disable:
-            self._bar.write(line, file=self._stream)
+        if self._on_terminal:
+            tqdm.write(line, file=self._stream)
         elif self._stream is not None:
             try:
                 print(line, file=self._stream, flush=True)
@@ -63,22 +79,33 @@ class Progress:
         if self._done[index] == 0:
             self._earlier[index] = iteration - 1
         self._done[index] = iteration
-        self._bar.update(sum(self._done) - self._bar.n)
-        if time.monotonic() - self._last_line > (LINE_SECONDS if self._bar.disable else BAR_SECONDS):
-            self._last_line = time.monotonic()
-            robustness = self._robustness(index)
-            so_far = "" if robustness is None else f", robustness {robustness:+.3f}"
-            if self._bar.disable:
-                self.say(f"{self._state()}; {self._labels[index]} at iteration {iteration}/{self._iterations}{so_far}")
-            else:
-                self._bar.set_postfix_str(f"{self._labels[index]}{so_far}")
+        self._count(index)
+        case, now = self._case[index], time.monotonic()
+        if self._on_terminal and now - self._shown[case] > BAR_SECONDS:
+            self._shown[case] = now
+            seed = self._labels[index].removeprefix(case).strip()
+            self._bars[case].set_postfix_str(f"{seed} at {iteration}/{self._iterations}{self._so_far(index)}")
+        elif not self._on_terminal and now - self._last_line > LINE_SECONDS:
+            self._last_line = now
+            at = f"{self._labels[index]} at iteration {iteration}/{self._iterations}{self._so_far(index)}"
+            self.say(f"{self._state()}; {at}")
+
+    def _so_far(self, index: int) -> str:
+        said = self._standing(index)
+        return f", {said}" if said else ""
+
+    def _count(self, index: int) -> None:
+        """The bar of the run's case shows what is done."""
+        bar = self._bars[self._case[index]]
+        done = sum(n for n, case in zip(self._done, self._case, strict=True) if case == self._case[index])
+        bar.update(done - bar.n)
 
     def end(self, index: int, error: Exception | None) -> None:
         """Run `index` has ended."""
         self._ended += 1
         if error is None:
             self._done[index] = self._iterations
-            self._bar.update(sum(self._done) - self._bar.n)
+            self._count(index)
             self.say(f"{self._state()}; {self._labels[index]} finished")
         else:
             self._failed += 1

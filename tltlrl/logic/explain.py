@@ -9,6 +9,8 @@ from tltlrl.logic.graph import PAST, Array
 from tltlrl.logic.meaning import Meaning, Truth
 from tltlrl.logic.semantics import Signals, Values, plan
 
+Suffixes = Callable[[int, Truth], Values]
+
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
@@ -68,7 +70,7 @@ def explain(meaning: Meaning, source: str, signals: Signals) -> Explanation:
     def suffixes(stop: int, *formulas: Truth) -> Values:
         """The value of these formulas, and of all below them, on every slice [t, stop)."""
         cut = {key: array[:, :stop] for key, array in signals.items()}
-        wanted = dict.fromkeys(_nodes(formulas), (0, stop))
+        wanted = dict.fromkeys(nodes(formulas), (0, stop))
         return {node: array[0] for node, array in plan(meaning.graph, wanted, stop).run(cut).items()}
 
     named = {title: truth for title, (truth, _) in meaning.definitions.items()}
@@ -76,24 +78,69 @@ def explain(meaning: Meaning, source: str, signals: Signals) -> Explanation:
     # Adding 0.0 makes +0.0 of the -0.0 that a negation leaves.
     definitions = {title: float(values[truth.node][0]) + 0.0 for title, truth in named.items()}
     value = float(values[meaning.root][0]) + 0.0
-    formula, t, stop, negated, name = meaning.formula, 0, end, False, None
+    end_of = descend(meaning.formula, values, end, suffixes)
+    predicate, t = end_of.formula.predicate, end_of.step
+    if predicate is None:
+        return Explanation(value, None, None, source, None, None, t, None, end_of.negated, definitions, end_of.edge)
+    span, margin = predicate.span, end_of.margin + 0.0
+    return Explanation(
+        value, predicate.text, end_of.name, source, span.line, span.column, t, margin, end_of.negated, definitions
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Deciding:
+    """Where the way down from a formula to what gives it its value ends.
+
+    Attributes:
+      formula: the last one on the way: a predicate, or an operator that the edge of the trajectory decides.
+      step: at which.
+      margin: its value there.
+      negated: whether the sign was turned an odd number of times.
+      name: of the innermost named sub-formula on the way.
+      edge: of the trajectory, where that decides.
+    """
+
+    formula: Truth
+    step: int
+    margin: float
+    negated: bool
+    name: str | None
+    edge: str = "end"
+
+
+def descend(formula: Truth, values: Values, stop: int, suffixes: Suffixes | None) -> Deciding:
+    """From a formula at the first sample to the predicate that gives it its value there.
+
+    Args:
+      formula: where to begin.
+      values: of it and all below it at every step of one trajectory of `stop` samples, node to (T,).
+      stop: how many samples.
+      suffixes: the same on slices that end earlier. Without it the way ends at an operator that needs them, whose
+        left operand holds temporal operators.
+    """
+    t, negated, name = 0, False, None
     while True:
         name = formula.name or name
-        if formula.predicate is not None:
-            margin = float(values[formula.node][t]) + 0.0
-            text, span = formula.predicate.text, formula.predicate.span
-            return Explanation(value, text, name, source, span.line, span.column, t, margin, negated, definitions)
+        margin = float(values[formula.node][t])
+        if formula.predicate is not None or (suffixes is None and _is_truncated(formula)):
+            return Deciding(formula, t, margin, negated, name)
         negated ^= formula.operation == "negative"
         step = _step(formula, t, stop, values, suffixes)
         if step is None:
             edge, at = ("start", 0) if formula.operation in PAST else ("end", stop - 1)
-            return Explanation(value, None, None, source, None, None, at, None, negated, definitions, edge)
+            return Deciding(formula, at, margin, negated, name, edge)
         formula, t, cut = step
         if cut < stop:
+            assert suffixes is not None
             values, stop = suffixes(cut, formula), cut
 
 
-def _nodes(formulas: Iterable[Truth]) -> list[int]:
+def _is_truncated(formula: Truth) -> bool:
+    return formula.operation in {"until", "then"} and formula.data[1] is True
+
+
+def nodes(formulas: Iterable[Truth]) -> list[int]:
     """The nodes of these formulas and of all below them: down to predicates, not into their arithmetic."""
     found: dict[Truth, int] = {}
     stack = list(formulas)
@@ -106,7 +153,7 @@ def _nodes(formulas: Iterable[Truth]) -> list[int]:
 
 
 def _step(
-    formula: Truth, t: int, stop: int, values: Values, suffixes: Callable[[int, Truth], Values]
+    formula: Truth, t: int, stop: int, values: Values, suffixes: Suffixes | None
 ) -> tuple[Truth, int, int] | None:
     """The part, its step and the end of its slice that give a formula its value at t on [t, stop).
 
@@ -146,6 +193,7 @@ def _step(
             p, q = formula.parts
             fold, empty = (np.minimum, np.inf) if formula.operation == "until" else (np.maximum, -np.inf)
             if truncated:
+                assert suffixes is not None
                 lefts = (suffixes(e, p)[p.node][t:] for e in range(t + 1, stop))
                 held = np.array([empty, *(fold.reduce(left) for left in lefts)])
             else:
@@ -160,7 +208,7 @@ def _step(
                 return q, e, stop
             if e == t:
                 return None
-            before = (suffixes(e, p) if truncated else values)[p.node][t:e]
+            before = (suffixes(e, p) if truncated and suffixes else values)[p.node][t:e]
             return p, t + _first(before, value), e if truncated else stop
     raise TypeError(f"{formula.operation} is no formula")
 

@@ -11,16 +11,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tltlrl.errors import nearest
-from tltlrl.logic import syntax
 from tltlrl.logic.declarations import Value
 from tltlrl.logic.errors import Source, Span, SpecError, TraceError
-from tltlrl.logic.explain import Explanation, explain
+from tltlrl.logic.explain import Explanation, explain, nodes
 from tltlrl.logic.graph import BEGUN, Array
 from tltlrl.logic.meaning import Meaning, Region
 from tltlrl.logic.memory import Memory, NotFiniteError
 from tltlrl.logic.monitor import Monitor
 from tltlrl.logic.normalise import divided, predicates, spreads
 from tltlrl.logic.parser import parse
+from tltlrl.logic.parts import Parts, clauses_of, parts, wanted
 from tltlrl.logic.pursuit import Compiled, compiled
 from tltlrl.logic.reach import beyond
 from tltlrl.logic.resolve import resolve
@@ -387,13 +387,26 @@ class Spec:
         The clauses are the operands of the conjunction that the formula is, or the formula itself: the smallest of
         their values is the robustness.
         """
-        formula, written = self._meaning.formula, self._meaning.document.formula
-        parts, operands = (
-            (formula.parts, written.operands) if isinstance(written, syntax.And) else ((formula,), (written,))
-        )
+        own = clauses_of(self._meaning)
         batch = self._batch(signals, lengths)
-        values = self._over_time(batch, tuple(dict.fromkeys(part.node for part in parts)))
-        return {str(operand): values[part.node][:, 0] for operand, part in zip(operands, parts, strict=True)}
+        values = self._over_time(batch, tuple(dict.fromkeys(clause.node for clause in own.values())))
+        return {text: values[clause.node][:, 0] for text, clause in own.items()}
+
+    def parts(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> Parts:
+        """What the clauses and the named sub-formulas are worth on each trajectory, and which of them decide.
+
+        Of a formula with temporal operators in the left operand of U or T the way to what decides ends there.
+        """
+        meaning, batch = self._meaning, self._batch(signals, lengths)
+        named = (truth for truth, _ in meaning.definitions.values())
+        values = self._over_time(batch, tuple(nodes([meaning.formula, *named])))
+        samples = np.full(batch.count, batch.steps)
+        return parts(meaning, values, samples if batch.offset is None else samples - batch.offset)
+
+    @property
+    def asks_for(self) -> Mapping[str, tuple[str, ...]]:
+        """Clause to the named sub-formulas in it that are to hold, and not to be kept from holding."""
+        return MappingProxyType(wanted(self._meaning))
 
     def _make_plan(self, roots: tuple[int, ...], end: int, first: bool) -> Plan:
         return plan(self._meaning.graph, dict.fromkeys(roots, (0, 1) if first else (0, end)), end)

@@ -11,12 +11,14 @@ import pandas as pd
 from scipy.stats import binomtest
 
 from tltlrl.logic.reasons import from_json, merge
+from tltlrl.reports.clauses import Standing, plot_clauses, standings, stuck_lines
 from tltlrl.reports.interval import FEWEST, LEVEL, Array, mean_interval
 from tltlrl.reports.plotting import FORMATS, plot_learning_curves, titled
 from tltlrl.simulation.motion import MEASURES
 from tltlrl.store.files import write_text
 from tltlrl.store.layout import (
     CALM_WORKSPACE,
+    CLAUSES_FIGURE,
     CURVES,
     FIGURE,
     PROGRESS,
@@ -49,7 +51,8 @@ def write_report(
       What came out, in a few lines.
     """
     if not finished:
-        for name in (CURVES, SUMMARY, REPORT, *(f"{FIGURE}{suffix}" for suffix in FORMATS)):
+        pictures = (f"{name}{suffix}" for name in (FIGURE, CLAUSES_FIGURE) for suffix in FORMATS)
+        for name in (CURVES, SUMMARY, REPORT, *pictures):
             (folder / name).unlink(missing_ok=True)
         lines = [f"# {study.name}", "", "No run has finished.", *_failure_lines(failures)]
         write_text(folder / SUMMARY_PAGE, "\n".join(lines) + "\n")
@@ -59,8 +62,11 @@ def write_report(
     summary = summarise(curves, finished)
     write_text(folder / SUMMARY, summary.to_csv(index=False, lineterminator="\n"))
     write_text(folder / SUMMARY_PAGE, summary_page(study, summary, failures))
-    write_text(folder / REPORT, report_page(study, summary, finished, failures))
+    known = standings(finished)
+    write_text(folder / REPORT, report_page(study, summary, finished, failures, known))
     plot_learning_curves(titled([folder], [curves]), folder / FIGURE)
+    if known:
+        plot_clauses(known, folder / CLAUSES_FIGURE)
     return [*outcome_lines(summary), f"report: {folder / REPORT}"]
 
 
@@ -151,13 +157,16 @@ def report_page(
     summary: pd.DataFrame,
     finished: Mapping[Path, Mapping[str, Any]],
     failures: Mapping[str, str],
+    known: Mapping[str, Mapping[int, Standing]],
 ) -> str:
     """report.md: the summary, the figures, what failed and why, and the settings."""
     task = make_task(study.task)
     lines = [
         summary_page(study, summary, failures),
         f"![Learning curves]({FIGURE}.png)",
+        *(["", f"![What decides, clause by clause]({CLAUSES_FIGURE}.png)"] if known else []),
         *bottleneck_lines(finished, task.control_timestep),
+        *stuck_lines(finished, known, study.spec.asks_for, study.algorithm.samples),
         *picture_lines(task, finished),
         *motion_lines(summary),
         *trial_lines(summary, finished, task.control_timestep),

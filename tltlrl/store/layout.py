@@ -18,18 +18,20 @@ CONFIG, MANIFEST, SPECS, START, LOG, LOCK = (
     "log.txt",
     ".lock",
 )
-CURVES, SUMMARY, SUMMARY_PAGE, REPORT, FIGURE = (
+CURVES, SUMMARY, SUMMARY_PAGE, REPORT, FIGURE, CLAUSES_FIGURE = (
     "learning_curves.csv",
     "summary.csv",
     "summary.md",
     "report.md",
     "learning_curves",
+    "clauses",
 )
 # Of a case.
 WORKSPACE, CALM_WORKSPACE = "workspace", "workspace_calm"
 # Of a run.
-PROGRESS, TIMING, POLICY, CALM, DONE, CHECKPOINT, CALM_CHECKPOINT, LAST = (
+PROGRESS, CLAUSES, TIMING, POLICY, CALM, DONE, CHECKPOINT, CALM_CHECKPOINT, LAST = (
     "progress.csv",
+    "clauses.csv",
     "timing.csv",
     "policy.npz",
     "calm.npz",

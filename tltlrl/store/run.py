@@ -15,7 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tltlrl.store.files import digest, read_arrays, write_arrays, write_json
-from tltlrl.store.layout import CALM, CALM_CHECKPOINT, CHECKPOINT, DONE, LAST, POLICY, PROGRESS, TIMING, run_of
+from tltlrl.store.layout import (
+    CALM,
+    CALM_CHECKPOINT,
+    CHECKPOINT,
+    CLAUSES,
+    DONE,
+    LAST,
+    POLICY,
+    PROGRESS,
+    TIMING,
+    run_of,
+)
 
 SEAL, RUN = "sha256", "run"  # keys of done.json
 STATE = "state."  # before the names of the learner's arrays in checkpoint.npz
@@ -62,7 +73,7 @@ def write_results(
         (folder / CALM).unlink(missing_ok=True)
     else:
         write_arrays(folder / CALM, **calm)
-    write_json(folder / DONE, {**results, SEAL: _seals(folder, identity, results)})
+    write_json(folder / DONE, {**results, SEAL: _seals(folder, identity, results, True)})
     shelve_checkpoint(folder)
 
 
@@ -81,7 +92,7 @@ def read_results(folder: Path, identity: str) -> dict[str, Any] | None:
     try:
         results: dict[str, Any] = json.loads(text)
         seals = results.pop(SEAL)
-        found = _seals(folder, identity, results)
+        found = _seals(folder, identity, results, CLAUSES in seals)
         wrong = [name for name, value in found.items() if seals[name] != value]
     except FileNotFoundError as error:
         raise DamagedError(f"{Path(error.filename).name} is missing") from error
@@ -94,11 +105,13 @@ def read_results(folder: Path, identity: str) -> dict[str, Any] | None:
     return results
 
 
-def _seals(folder: Path, identity: str, results: Mapping[str, Any]) -> dict[str, str]:
+def _seals(folder: Path, identity: str, results: Mapping[str, Any], has_clauses: bool) -> dict[str, str]:
+    # Versions before 0.3 wrote no clauses.csv.
     return {
         RUN: identity,
         DONE: digest(json.dumps(results, sort_keys=True).encode()),
         PROGRESS: digest((folder / PROGRESS).read_bytes()),
+        **({CLAUSES: digest((folder / CLAUSES).read_bytes())} if has_clauses else {}),
         POLICY: digest((folder / POLICY).read_bytes()),
         **({CALM: digest((folder / CALM).read_bytes())} if results.get("calm") else {}),
     }
@@ -137,8 +150,8 @@ def read_calm_checkpoint(folder: Path, identity: str) -> dict[str, NDArray[np.ge
 
 
 def write_checkpoint(folder: Path, identity: str, checkpoint: Checkpoint) -> None:
-    """checkpoint.npz, sealed together with the rows of progress.csv so far, which must be in the file."""
-    rows = first_rows(folder / PROGRESS, checkpoint.iteration)
+    """checkpoint.npz, sealed with the rows of progress.csv and clauses.csv so far, which must be in the files."""
+    rows = b"".join(first_rows(folder / name, checkpoint.iteration) for name in (PROGRESS, CLAUSES))
     state = {f"{STATE}{name}": array for name, array in checkpoint.state.items()}
     write_arrays(
         folder / CHECKPOINT,
@@ -165,10 +178,10 @@ def read_checkpoint(folder: Path, identity: str, name: str = CHECKPOINT) -> Chec
         saved = read_arrays(folder / name)
         iteration = int(saved["iteration"])
         state = {name.removeprefix(STATE): array for name, array in saved.items() if name.startswith(STATE)}
-        rows = first_rows(folder / PROGRESS, iteration)
+        rows = b"".join(first_rows(folder / name, iteration) for name in (PROGRESS, CLAUSES))
         first_rows(folder / TIMING, iteration)
         if not state or str(saved["sha256"]) != digest(identity.encode() + rows):
-            raise ValueError(f"the rows of {PROGRESS} are not those it was written with")
+            raise ValueError(f"the rows of {PROGRESS} or {CLAUSES} are not those it was written with")
         return Checkpoint(iteration, int(saved["env_steps"]), state)
     except UNREADABLE as error:
         raise DamagedError(f"a run cannot be resumed from its {name} ({error})") from error

@@ -17,6 +17,7 @@ from tltlrl.learning.scores import Scores, leximin
 from tltlrl.logic import telescope
 from tltlrl.tasks.task import Signals, StepReward
 from tltlrl.training.build import Setup, draw
+from tltlrl.training.clauses import standing
 from tltlrl.training.study import Run
 
 Array = NDArray[np.float64]
@@ -29,12 +30,14 @@ class Iteration:
     Attributes:
       state: the learner's, after it.
       record: the columns of progress.csv that depend on the iteration alone; the learner's own come last.
+      clauses: the columns of clauses.csv.
       env_steps: samples of its trajectories, those after an early end not counted.
       physics_seconds: time in simulation.
     """
 
     state: Any
     record: dict[str, float]
+    clauses: dict[str, str]
     env_steps: int
     physics_seconds: float
 
@@ -77,7 +80,9 @@ def iterate(run: Run, setup: Setup, state: Any, iteration: int) -> Iteration:
         "satisfied_fraction": np.mean(sampled > 0),
     } | diagnostics
     env_steps = int(trajectories.lengths[:samples].sum())
-    return Iteration(following, {name: float(value) for name, value in record.items()}, env_steps, physics_seconds)
+    stand = standing(run.spec.parts(sample_signals, trajectories.lengths[:samples]))
+    numbers = {name: float(value) for name, value in record.items()}
+    return Iteration(following, numbers, stand, env_steps, physics_seconds)
 
 
 def score(reward: StepReward | None, signals: Signals, told: Array, telescoped: Array | None = None) -> Scores:

@@ -18,7 +18,7 @@ from tltlrl.errors import UserError
 from tltlrl.learning.learner import Learner
 from tltlrl.learning.policy import Policy
 from tltlrl.store.files import clear_leftovers, digest, naming, write_bytes
-from tltlrl.store.layout import DONE, LAST, POLICY, PROGRESS, TIMING
+from tltlrl.store.layout import CLAUSES, DONE, LAST, POLICY, PROGRESS, TIMING
 from tltlrl.store.lock import BusyError, held
 from tltlrl.store.run import (
     Checkpoint,
@@ -66,7 +66,7 @@ class Progress:
 
 
 def train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
-    """Does what is missing of a run: progress.csv, timing.csv, policy.npz and, last, done.json.
+    """Does what is missing of a run: progress.csv, clauses.csv, timing.csv, policy.npz and, last, done.json.
 
     Args:
       run: what to do.
@@ -140,6 +140,7 @@ def _train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
     with (
         naming(folder / PROGRESS),
         open(folder / PROGRESS, "a", newline="", encoding="utf-8") as progress,
+        open(folder / CLAUSES, "a", newline="", encoding="utf-8") as clauses,
         open(folder / TIMING, "a", newline="", encoding="utf-8") as timing,
     ):
         for i in range(first, run.algorithm.iterations):
@@ -162,12 +163,13 @@ def _train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
             if list(row) != columns:  # else they would stand under other names
                 raise ValueError(f"the learner's diagnostics changed at iteration {i}: {list(row)}, before {columns}")
             _write_row(progress, row, header=i == 0)
+            _write_row(clauses, {"iteration": i} | result.clauses, header=i == 0)
             took = {"iteration": i, "seconds": time.perf_counter() - clock, "physics_seconds": result.physics_seconds}
             _write_row(timing, took, header=i == 0)
             report(i + 1)
             if time.monotonic() - last_checkpoint > CHECKPOINT_SECONDS:
-                progress.flush()
-                timing.flush()
+                for file in (progress, clauses, timing):
+                    file.flush()
                 write_checkpoint(folder, identity, Checkpoint(i + 1, env_steps, arrays_of(stands)))
                 last_checkpoint = time.monotonic()
     write_checkpoint(folder, identity, Checkpoint(run.algorithm.iterations, env_steps, arrays_of(stands)))
@@ -224,10 +226,10 @@ def resume(folder: Path, identity: str, like: Callable[[int], Any]) -> tuple[int
         saved = state = None
     if saved is None or state is None:
         drop_checkpoint(folder)
-        for name in (PROGRESS, TIMING):
+        for name in (PROGRESS, CLAUSES, TIMING):
             (folder / name).unlink(missing_ok=True)
         return 0, 0, like(0)
-    for name in (PROGRESS, TIMING):
+    for name in (PROGRESS, CLAUSES, TIMING):
         write_bytes(folder / name, first_rows(folder / name, saved.iteration))
     return saved.iteration, saved.env_steps, state
 

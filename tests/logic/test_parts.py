@@ -1,0 +1,45 @@
+"""Clauses and named sub-formulas of many trajectories, against what explains each of them alone."""
+
+import numpy as np
+import pytest
+
+from tltlrl.logic import parse_spec
+
+TEXTS = {
+    "a conjunction": "F G at & G safe",
+    "no conjunction": "F (at & X[!] !at)",
+    "until": "(safe U at) & !(F (!safe)) & (at T !at)",
+    "the past": "G (at => once safe) & (safe since at)",
+    "a truncated left operand": "((F at) U !safe) & G safe",
+    "nothing named": "G x < 3 & F x > 1",
+}
+
+
+def spec_of(text):
+    return parse_spec(f"signal x\ndef at: x > 0.8\ndef safe: x > -0.5 | y > 0\nsignal y\nspec: {text}")
+
+
+@pytest.mark.parametrize("text", TEXTS.values(), ids=TEXTS)
+def test_parts_are_what_each_trajectory_is_explained_by(text):
+    spec, rng = spec_of(text), np.random.default_rng(3)
+    signals = {"x": rng.standard_normal((40, 9)), "y": rng.standard_normal((40, 9))}
+    signals = {name: signals[name] for name in spec.signals}
+    lengths = rng.integers(1, 10, 40)
+    parts, clauses = spec.parts(signals, lengths), spec.clauses(signals, lengths)
+    robustness, why = spec.robustness(signals, lengths), spec.explain(signals, lengths)
+    assert list(parts.clauses) == list(clauses)
+    for clause, values in clauses.items():
+        np.testing.assert_array_equal(parts.clauses[clause], values)
+    np.testing.assert_array_equal(np.stack(list(clauses.values()))[parts.clause, np.arange(40)], robustness)
+    over_time = spec.definitions_over_time(signals, lengths)
+    for name, values in over_time.items():
+        np.testing.assert_array_equal(parts.highest[name], np.nanmax(values, axis=1))
+        np.testing.assert_array_equal(parts.lowest[name], np.nanmin(values, axis=1))
+    names = [list(spec.definitions)[i] if i >= 0 else None for i in parts.name]
+    if "F at) U" not in text:  # there the way ends at the U
+        assert names == [each.name for each in why]
+
+
+def test_a_clause_asks_for_what_stands_in_it_under_no_negation():
+    spec = spec_of("(!safe U at) & G !at & (at => F safe)")
+    assert dict(spec.asks_for) == {"!safe U at": ("at",), "G !at": (), "at => F safe": ("safe",)}

@@ -1,0 +1,96 @@
+"""How the parts of a formula stand on many trajectories: its clauses and its named sub-formulas."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tltlrl.logic import syntax
+from tltlrl.logic.explain import descend
+from tltlrl.logic.graph import Array
+from tltlrl.logic.meaning import Meaning, Truth
+
+
+@dataclass(frozen=True)
+class Parts:
+    """What the parts of a formula are worth on N trajectories, and which of them decide.
+
+    Attributes:
+      clauses: text of each top-level clause => its robustness on the whole trajectory, (N,).
+      highest, lowest: name of each sub-formula => its largest and its smallest value over the samples, (N,): above 0
+        it holds at some sample, or at all.
+      clause: number of the clause whose value is the robustness, the first of several, (N,).
+      name: number of the innermost named sub-formula that holds the deciding predicate, -1 for none, (N,).
+    """
+
+    clauses: Mapping[str, Array]
+    highest: Mapping[str, Array]
+    lowest: Mapping[str, Array]
+    clause: NDArray[np.intp]
+    name: NDArray[np.intp]
+
+
+def clauses_of(meaning: Meaning) -> dict[str, Truth]:
+    """The top-level clauses by their text: the operands of the conjunction that the formula is, or it itself."""
+    formula, written = meaning.formula, meaning.document.formula
+    if not isinstance(written, syntax.And):
+        return {str(written): formula}
+    return {str(operand): part for operand, part in zip(written.operands, formula.parts, strict=True)}
+
+
+def parts(meaning: Meaning, values: Mapping[int, Array], lengths: NDArray[np.intp]) -> Parts:
+    """The parts of a formula on N trajectories.
+
+    Args:
+      meaning: of the spec.
+      values: of the formula and all below it, named sub-formulas included, node => (N, T).
+      lengths: how many samples of each count, (N,).
+    """
+    clauses = {text: values[clause.node][:, 0] for text, clause in clauses_of(meaning).items()}
+    counts = np.arange(next(iter(values.values())).shape[1]) < lengths[:, None]
+    named = {name: values[truth.node] for name, (truth, _) in meaning.definitions.items()}
+    number = {name: i for i, name in enumerate(named)}
+    deciding = np.full(len(lengths), -1)
+    for row, length in enumerate(lengths):
+        name = descend(meaning.formula, _Trajectory(values, row, int(length)), int(length), None).name
+        deciding[row] = -1 if name is None else number[name]
+    return Parts(
+        clauses,
+        {name: np.where(counts, array, -np.inf).max(axis=1) for name, array in named.items()},
+        {name: np.where(counts, array, np.inf).min(axis=1) for name, array in named.items()},
+        np.argmin(np.stack(list(clauses.values())), axis=0),
+        deciding,
+    )
+
+
+class _Trajectory(dict[int, Array]):
+    """The values of one trajectory, cut where they are looked up: few nodes lie on the way to what decides."""
+
+    def __init__(self, values: Mapping[int, Array], row: int, length: int) -> None:
+        self._values, self._row, self._length = values, row, length
+
+    def __missing__(self, node: int) -> Array:
+        own = self[node] = self._values[node][self._row, : self._length]
+        return own
+
+
+def wanted(meaning: Meaning) -> dict[str, tuple[str, ...]]:
+    """Of each clause the named sub-formulas that it asks for: those that stand in it under no negation, or two."""
+    found = {}
+    for text, clause in clauses_of(meaning).items():
+        names: dict[str, None] = {}
+        stack, seen = [(clause, False)], set()
+        while stack:
+            truth, negated = stack.pop()
+            if (truth, negated) in seen:
+                continue
+            seen.add((truth, negated))
+            if truth.name is not None and not negated:
+                names[truth.name] = None
+            negated ^= truth.operation == "negative"
+            stack.extend((part, negated) for part in truth.parts)
+        found[text] = tuple(name for name in meaning.definitions if name in names)
+    return found

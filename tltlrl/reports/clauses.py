@@ -1,0 +1,223 @@
+"""Which part of the spec is stuck: the figure of clauses.csv, and a sentence about every run that failed."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from tltlrl.errors import UserError
+from tltlrl.reports.plotting import FONT, LABELS, save
+from tltlrl.store.clauses import BEST, CLAUSE, DECIDES, MEAN, MET, NAME, column, parts_in
+from tltlrl.store.layout import CLAUSES, run_of
+from tltlrl.store.run import whole_lines
+
+Array = NDArray[np.float64]
+
+WINDOW = 10  # iterations: over how many the share that a clause decides is taken
+MOST = 8  # clauses, or named sub-formulas, in a figure
+LONG = 44  # characters of a clause in a legend
+LEGEND: dict[str, Any] = {"frameon": False, "fontsize": 8}
+# Told apart in grey by lightness and dash, as the learning curves are.
+STYLES: list[dict[str, Any]] = [
+    {"color": "#000000", "linestyle": "-"},
+    {"color": "#D55E00", "linestyle": "--"},
+    {"color": "#56B4E9", "linestyle": "-"},
+    {"color": "#0072B2", "linestyle": "-."},
+    {"color": "#E69F00", "linestyle": ":"},
+    {"color": "#009E73", "linestyle": (0, (5, 1, 1, 1, 1, 1))},
+    {"color": "#CC79A7", "linestyle": "--"},
+    {"color": "#777777", "linestyle": ":"},
+]
+
+
+@dataclass(frozen=True)
+class Standing:
+    """How the parts of a spec stood in one run, or in several on average.
+
+    Attributes:
+      clauses, names: of the parts.
+      table: iteration and the columns of clauses.csv.
+    """
+
+    clauses: tuple[str, ...]
+    names: tuple[str, ...]
+    table: pd.DataFrame
+
+    def values(self, kind: str, measure: str, part: str) -> Array:
+        """One column, an entry for each iteration."""
+        return self.table[column(kind, measure, part)].to_numpy(dtype=float)
+
+
+def read_standing(run: Path) -> Standing | None:
+    """clauses.csv of a run, of one that goes on what it has written; None if there is none, as in results before 0.3.
+
+    Raises:
+      UserError: if it cannot be read.
+    """
+    path = run / CLAUSES
+    if not path.exists() or not (text := whole_lines(path)):
+        return None
+    try:
+        table = pd.read_csv(io.StringIO(text), dtype=float)
+    except ValueError as error:
+        raise UserError(f"{path} cannot be read ({error}); start its tltl-run again, which mends it") from error
+    columns = list(table.columns)
+    return Standing(tuple(parts_in(columns, CLAUSE)), tuple(parts_in(columns, NAME)), table)
+
+
+def standings(runs: Iterable[Path]) -> dict[str, dict[int, Standing]]:
+    """Of every case and seed that has a clauses.csv: case => seed => how its parts stood."""
+    found: dict[str, dict[int, Standing]] = {}
+    for run in runs:
+        case, seed = run_of(run)
+        if (own := read_standing(run)) is not None and len(own.table):
+            found.setdefault(case, {})[seed] = own
+    return found
+
+
+def averaged(runs: Sequence[Standing]) -> Standing:
+    """The mean over some runs of one spec, as far as all of them reach."""
+    length = min(len(run.table) for run in runs)
+    mean = np.mean([run.table.iloc[:length].to_numpy() for run in runs], axis=0)
+    return Standing(runs[0].clauses, runs[0].names, pd.DataFrame(mean, columns=runs[0].table.columns))
+
+
+def stuck(run: Standing, asked: Mapping[str, Sequence[str]], samples: int) -> str:
+    """What decided the trajectories of a run at its end, since when, and how few met what it asks for.
+
+    Args:
+      run: how its parts stood.
+      asked: clause => the named sub-formulas in it that are to hold (`Spec.asks_for`).
+      samples: trajectories per iteration.
+    """
+    shares = np.stack([run.values(CLAUSE, DECIDES, clause) for clause in run.clauses], axis=1)
+    sums = np.cumsum(np.concatenate([np.zeros((1, shares.shape[1])), shares]), axis=0)
+    last = np.arange(1, len(shares) + 1)
+    recent = (sums[last] - sums[np.maximum(last - WINDOW, 0)]).argmax(axis=1)
+    others = np.flatnonzero(recent != recent[-1])
+    begin = int(others[-1]) + 1 if len(others) else 0
+    begin = min(begin, max(len(shares) - WINDOW, 0))  # where two take turns at deciding, the latest turn is no news
+    clause, total = run.clauses[recent[-1]], samples * (len(shares) - begin)
+
+    def met(kind: str, part: str) -> int:
+        return round(float(run.values(kind, MET, part)[begin:].sum() * samples))
+
+    since = f"from iteration {begin} on" if begin else "throughout"
+    share, by_clause = shares[begin:, recent[-1]].mean(), met(CLAUSE, clause)
+    said = [f"{since} `{clause}` decides {100 * share:.0f} %", f"it was met by {by_clause} of {total} trajectories"]
+    names = {name: met(NAME, name) for name in asked.get(clause, ()) if name in run.names}
+    if names and (least := min(names, key=lambda name: names[name])) and names[least] not in (total, by_clause):
+        said.append(f"`{least}` at some moment by {names[least]}")
+    return "; ".join(said)
+
+
+def stuck_lines(
+    finished: Mapping[Path, Mapping[str, Any]],
+    known: Mapping[str, Mapping[int, Standing]],
+    asked: Mapping[str, Sequence[str]],
+    samples: int,
+) -> list[str]:
+    """One line for every run whose mean policy violates the spec, if anything is known of it."""
+    lines = []
+    for path, done in finished.items():
+        case, seed = run_of(path)
+        if not done["satisfied"] and seed in known.get(case, {}):
+            lines.append(f"- {case} seed {seed}: {stuck(known[case][seed], asked, samples)}.")
+    if not lines:
+        return []
+    return ["", "Of the sampled trajectories of each failed seed:", "", *lines]
+
+
+def plot_clauses(cases: Mapping[str, Mapping[int, Standing]], path: Path) -> None:
+    """The figure of the clauses, as path.png and path.pdf; `path` is without suffix. See `clauses_figure`."""
+    with mpl.rc_context(FONT):
+        save(clauses_figure(cases), path)
+
+
+def clauses_figure(cases: Mapping[str, Mapping[int, Standing]]) -> Figure:
+    """One row per case: the share of sampled trajectories that each clause decides, the clauses' mean robustness, and
+    the share in which each named sub-formula held at some sample. Means over the seeds.
+
+    Args:
+      cases: case => seed => how its parts stood.
+    """
+    means = {case: averaged(list(runs.values())) for case, runs in cases.items()}
+    first = next(iter(means.values()))
+    clauses = _most(first.clauses, [(mean, CLAUSE) for mean in means.values()])
+    names = _most(first.names, [(mean, NAME) for mean in means.values()])
+    columns = 3 if names else 2
+    with mpl.rc_context(FONT):
+        figure = Figure(figsize=(3.4 * columns, 1.6 + 0.18 * max(len(clauses), len(names)) + 1.9 * len(cases)))
+        figure.set_layout_engine("constrained")
+        grid = figure.subplots(len(cases), columns, squeeze=False, sharex="col")
+        for row, (case, mean) in zip(grid, means.items(), strict=True):
+            _draw(row[0], {clause: 100 * mean.values(CLAUSE, DECIDES, clause) for clause in clauses})
+            for measure, width in ((BEST, 0.5), (MEAN, 1.3)):
+                _draw(row[1], {clause: mean.values(CLAUSE, measure, clause) for clause in clauses}, width)
+            _limit(row[1], [mean.values(CLAUSE, measure, clause) for clause in clauses for measure in (BEST, MEAN)])
+            row[1].axhline(0.0, color="0.5", linewidth=0.8, zorder=0)
+            if names:
+                _draw(row[2], {name: 100 * mean.values(NAME, MET, name) for name in names})
+            for axes in (row[0], *row[2:]):
+                axes.set_ylim(-4, 104)
+            row[0].set_ylabel(LABELS.get(case, case).replace(", ", ",\n"))
+        titles = (
+            "decides, % of samples",
+            "robustness of samples: mean (thin: best)",
+            "met at some moment, % of samples",
+        )
+        for axes, title in zip(grid[0], titles, strict=False):
+            axes.set_title(title)
+        for axes in grid[-1]:
+            axes.set_xlabel("iteration")
+        lines = grid[0][0].get_legend_handles_labels()
+        figure.legend(*lines, title="clauses", loc="outside upper left", **LEGEND)
+        if names:
+            lines = grid[0][2].get_legend_handles_labels()
+            figure.legend(*lines, title="named sub-formulas", loc="outside upper right", **LEGEND)
+        figure.supxlabel(_caption(cases, first, clauses, names), fontsize=7)
+    return figure
+
+
+def _most(parts: Sequence[str], means: Sequence[tuple[Standing, str]]) -> list[str]:
+    """Those parts that decide most, in the order of the spec."""
+    decided = {part: sum(mean.values(kind, DECIDES, part).sum() for mean, kind in means) for part in parts}
+    chosen = sorted(parts, key=lambda part: -decided[part])[:MOST]
+    return [part for part in parts if part in chosen]
+
+
+def _caption(
+    cases: Mapping[str, Mapping[int, Standing]], of: Standing, clauses: Sequence[str], names: Sequence[str]
+) -> str:
+    counts = sorted({len(runs) for runs in cases.values()})
+    seeds = " and ".join(f"{n} seed{'s' * (n > 1)}" for n in counts)
+    more = len(of.clauses) - len(clauses) + len(of.names) - len(names)
+    left = f" {more} parts that decide less are left out." if more else ""
+    return f"Means of {seeds}. A clause decides a trajectory whose robustness is its own.{left}"
+
+
+def _draw(axes: Axes, curves: Mapping[str, Array], width: float = 1.3) -> None:
+    for style, (part, values) in zip(STYLES, curves.items(), strict=False):
+        label = part if len(part) <= LONG else f"{part[: LONG - 1]}…"
+        axes.plot(np.where(np.isfinite(values), values, np.nan), linewidth=width, label=f" {label}", **style)
+    axes.margins(x=0)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def _limit(axes: Axes, curves: Sequence[Array]) -> None:
+    """The first tenth of the iterations, far below what follows, does not set the scale."""
+    later = np.concatenate([values[len(values) // 10 :] for values in curves])
+    later = later[np.isfinite(later)]
+    if len(later) and later.max() > later.min():
+        margin = 0.08 * (max(later.max(), 0.0) - later.min())
+        axes.set_ylim(later.min() - margin, max(later.max(), 0.0) + margin)
