@@ -125,19 +125,19 @@ class Simulator:
         features = np.empty((steps, n, task.width))
         commands = offsets.transpose(1, 0, 2).copy()  # the caller's stay as they are
         noise = np.ascontiguousarray(command_noise.transpose(1, 0, 2))
-        state = self._starts(n, starts)
+        path = np.empty((steps, n, self._start.size))  # the full physics states at the samples
+        path[0] = self._starts(n, starts)
         control = np.empty((n, count, d))
         states = np.empty((n, count, self._start.size))
         sensors = np.empty((n, count, self._model.nsensordata))
         models, data = [self._model] * n, [self._data]
-        sound = np.ones((steps, n), dtype=np.bool_)
         sensed, known = task.sensed, task.width
         if sensed is not None:
-            forces = sensors_at(self._model, self._data, state)
+            forces = sensors_at(self._model, self._data, path[0])
             known -= sensed(forces).shape[1]
         transposed_gain = np.ascontiguousarray(gain[:, :known].T)
         for t in range(steps):
-            last = t + 1 == steps
+            last, state = t + 1 == steps, path[t]
             features[t, :, :known] = task.features(state[:, 1 : 1 + nq], state[:, 1 + nq : 1 + nq + nv])
             commands[t] += features[t, :, :known] @ transposed_gain
             if last and sensed is None:
@@ -159,10 +159,12 @@ class Simulator:
                 forces = sensors[:, -1].copy()
             if last:
                 break  # that step was for the sensors
-            state[:] = states[:, -1]
-            # MuJoCo leaves out the rest of a control step in which something went wrong, and a control that is huge.
-            late = np.abs(state[:, 0] - self._start[0] - (t + 1) * task.control_timestep) > ROUNDING * (t + 1)
-            sound[t + 1] = (np.abs(state) < HUGE).all(axis=1) & (np.abs(control[:, 0]) < HUGE).all(axis=1) & ~late
+            path[t + 1] = states[:, -1]
+        # MuJoCo leaves out the rest of a control step in which something went wrong, and a control that is huge.
+        times = self._start[0] + task.control_timestep * np.arange(steps)[:, None]
+        sound = np.abs(path[..., 0] - times) <= ROUNDING * np.maximum(np.arange(steps), 1)[:, None]
+        sound &= (np.abs(path) < HUGE).all(axis=2)
+        sound[1:] &= (np.abs(commands + noise) < HUGE).all(axis=2)[:-1]
         # Whoever ended early was simulated to the end all the same, and is cut here.
         ended = task.terminated(features.reshape(steps * n, -1)).reshape(steps, n)
         lengths = np.where(ended.any(axis=0), ended.argmax(axis=0) + 1, steps)
@@ -181,8 +183,8 @@ class Simulator:
             features.transpose(1, 0, 2),
             commands.transpose(1, 0, 2),
             lengths,
-            state[:, 1 : 1 + nq],
-            state[:, 1 + nq : 1 + nq + nv],
+            path[-1, :, 1 : 1 + nq],
+            path[-1, :, 1 + nq : 1 + nq + nv],
         )
 
     def _starts(self, count: int, starts: Array | None) -> Array:
