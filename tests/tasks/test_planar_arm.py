@@ -16,7 +16,7 @@ from tltlrl.tasks.planar_arm.rewards import (
     reach_avoid_rewards,
     visit_in_order_rewards,
 )
-from tltlrl.tasks.planar_arm.scene import PlanarArm, PlanarArmConfig, forward_kinematics, model_xml
+from tltlrl.tasks.planar_arm.scene import PlanarArm, PlanarArmConfig, arm_model, forward_kinematics
 
 ARM, REACH_AVOID, VISIT_IN_ORDER = PlanarArmConfig(), ReachAvoidReward(), VisitInOrderReward()
 CONSTANTS = {
@@ -69,7 +69,7 @@ def test_command_limit_reaches_the_model():
 
 
 def end_effector_path(timestep, commands):
-    model = mujoco.MjModel.from_xml_string(model_xml([1.0, 1.0, 1.0], 2.0))
+    model = arm_model([1.0, 1.0, 1.0], 2.0)
     model.opt.timestep = timestep or model.opt.timestep
     data = mujoco.MjData(model)
     data.qpos[:] = 0.5
@@ -93,7 +93,7 @@ def test_timestep_is_short_enough(seed):
 def test_servo_is_fast_enough(seed):
     """Most of a changed command is reached within one control step."""
     rng = np.random.default_rng(seed)
-    model = mujoco.MjModel.from_xml_string(model_xml([1.0, 1.0, 1.0], 2.0))
+    model = arm_model([1.0, 1.0, 1.0], 2.0)
     data = mujoco.MjData(model)
     data.qpos[:] = rng.uniform(-1, 1, 3)
     command = rng.uniform(-2, 2, 3)

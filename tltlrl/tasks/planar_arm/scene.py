@@ -23,9 +23,10 @@ from importlib.resources import files
 from types import MappingProxyType
 from typing import ClassVar
 
+import dm_control.mujoco
+import mujoco
 import numpy as np
-from dm_control import mujoco
-from lxml import etree
+from dm_control.mujoco.wrapper import MjModel
 
 from tltlrl.errors import UserError
 from tltlrl.settings import check, setting
@@ -68,7 +69,7 @@ class VisitInOrderConfig(PlanarArmConfig):
     steps: int = setting("samples of one episode", 500, least=2, most=MOST_STEPS)
 
 
-class Physics(mujoco.Physics):  # type: ignore[misc]  # dm_control has no types
+class Physics(dm_control.mujoco.Physics):  # type: ignore[misc]  # dm_control has no types
     """Simulation of the arm with its quantities by name."""
 
     def joint_angles(self) -> Array:
@@ -111,7 +112,7 @@ class PlanarArm(Task):
 
     def make_physics(self) -> Physics:
         """Compiles arm.xml with the configured link lengths and speed limit."""
-        return Physics.from_xml_string(model_xml(self.config.link_lengths, self.config.max_speed))
+        return Physics.from_model(MjModel(arm_model(self.config.link_lengths, self.config.max_speed)))
 
     def initial_state(self) -> tuple[Array, Array]:
         """The configured start angles, at rest."""
@@ -159,12 +160,13 @@ def joint_positions(angles: Array, link_lengths: Array) -> Array:
     return np.concatenate([np.zeros_like(links[..., :1, :]), np.cumsum(links, axis=-2)], axis=-2)
 
 
-def model_xml(link_lengths: Sequence[float], max_speed: float) -> str:
+def arm_model(link_lengths: Sequence[float], max_speed: float) -> mujoco.MjModel:
     """arm.xml with the given link lengths (m) and command limit (rad/s)."""
-    root = etree.fromstring(files("tltlrl.tasks.planar_arm").joinpath("arm.xml").read_bytes())
-    ends = ("./worldbody//body[@name='link_2']", "./worldbody//body[@name='link_3']", ".//site")
+    arm = mujoco.MjSpec.from_string(files("tltlrl.tasks.planar_arm").joinpath("arm.xml").read_text(encoding="utf-8"))
+    ends = (arm.body("link_2"), arm.body("link_3"), arm.site("end_effector"))
     for i, (length, end) in enumerate(zip(link_lengths, ends, strict=True), start=1):
-        root.find(f".//geom[@name='link_{i}']").set("fromto", f"0 0 0 {length!r} 0 0")
-        root.find(end).set("pos", f"{length!r} 0 0")
-    root.find("./default/velocity").set("ctrlrange", f"{-max_speed!r} {max_speed!r}")
-    return str(etree.tostring(root, encoding="unicode"))
+        arm.geom(f"link_{i}").fromto = [0, 0, 0, length, 0, 0]
+        end.pos = [length, 0, 0]
+    for servo in arm.actuators:
+        servo.ctrlrange = [-max_speed, max_speed]
+    return arm.compile()

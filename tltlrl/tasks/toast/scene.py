@@ -39,9 +39,10 @@ from functools import reduce
 from importlib.resources import files
 from types import MappingProxyType
 
+import dm_control.mujoco
+import mujoco
 import numpy as np
-from dm_control import mujoco
-from lxml import etree
+from dm_control.mujoco.wrapper import MjModel
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
@@ -125,7 +126,7 @@ class ToastConfig:
             )
 
 
-class Physics(mujoco.Physics):  # type: ignore[misc]  # dm_control has no types
+class Physics(dm_control.mujoco.Physics):  # type: ignore[misc]  # dm_control has no types
     """Simulation of arm, gripper, toaster and, in the evaluation scene, bread, with their quantities by name."""
 
     def joint_angles(self) -> Array:
@@ -194,7 +195,7 @@ class Toast(Task):
 
     def make_physics(self) -> Physics:
         """Compiles toast.xml: for training without bread and contacts, for evaluation (`solid`) with both."""
-        return Physics.from_xml_string(model_xml(self.config.solid))
+        return Physics.from_model(MjModel(scene_model(self.config.solid)))
 
     def initial_state(self) -> tuple[Array, Array]:
         """The first waypoint at rest, the gripper closed; in the evaluation scene around the slice."""
@@ -306,17 +307,15 @@ def gripper_position(left: Array, right: Array) -> Array:
     return np.asarray(GRIPPER_RANGE * (left - right) / (2 * FINGER_TRAVEL))
 
 
-def model_xml(solid: bool) -> str:
+def scene_model(solid: bool) -> mujoco.MjModel:
     """toast.xml, the evaluation scene; unless `solid` without the bread and without contacts, for training."""
-    root = etree.fromstring(files("tltlrl.tasks.toast").joinpath("toast.xml").read_bytes())
-    option = root.find("./option")
+    scene = mujoco.MjSpec.from_string(files("tltlrl.tasks.toast").joinpath("toast.xml").read_text(encoding="utf-8"))
     if solid:
-        option.set("timestep", repr(SOLID_TIMESTEP))
+        scene.option.timestep = SOLID_TIMESTEP
     else:
-        option.find("./flag").set("contact", "disable")
-        worldbody = root.find("./worldbody")
-        worldbody.remove(worldbody.find("./body[@name='bread']"))
-    return str(etree.tostring(root, encoding="unicode"))
+        scene.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+        scene.delete(scene.body("bread"))
+    return scene.compile()
 
 
 def _frame(origin: tuple[float, float, float], rpy: tuple[float, float, float]) -> Array:
