@@ -6,6 +6,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -71,6 +72,28 @@ def test_a_scheduler_of_ones_own_gives_the_same_bytes_even_if_a_worker_is_killed
     assert status == 0, "two runs were never under way at once"
     assert workers[0].wait(10) == -signal.SIGKILL
     assert spread == alone
+
+
+def test_ctrl_c_with_ten_thousand_runs_waiting_ends_within_two_seconds(cluster, tmp_path):
+    def interrupt():
+        wait_for(lambda: list(tmp_path.glob("runs/small/*/*/progress.csv")))
+        (tmp_path / "since").touch()
+        os.kill(os.getpid(), signal.SIGINT)
+
+    code, _, errors = forked.tltl_run(
+        tmp_path, *SETTINGS, "seeds=10000", f"engine.address={cluster[0]}",
+        first=lambda: threading.Thread(target=interrupt, daemon=True).start(),
+    )  # fmt: skip
+    assert code == 130, errors
+    assert time.time() - (tmp_path / "since").stat().st_mtime < 2
+    assert errors.endswith("tltl-run: stopped; the same command goes on from what is done\n")
+    assert "Traceback" not in errors
+
+
+def wait_for(condition, seconds=60):
+    deadline = time.monotonic() + seconds
+    while not condition() and time.monotonic() < deadline:
+        time.sleep(0.01)
 
 
 def test_a_scheduler_that_is_not_there_is_told(tmp_path):

@@ -7,11 +7,13 @@ given to another one; the run itself goes on from its checkpoint.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import os
 import socket
 import time
 import urllib.parse
+from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -24,6 +26,8 @@ from tltlrl.training.study import Run
 TOPIC = "tltlrl-progress"
 REPORT_SECONDS = 0.5
 SCHEDULER_SECONDS = 10
+CLOSE_SECONDS = 1
+AHEAD = 2  # jobs per thread of the workers: while one is computed, the next one is there
 
 # Of the processes of this machine, which inherit it: runs are what is parallel.
 ENVIRONMENT = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
@@ -62,16 +66,38 @@ def run_all(jobs: list[Job], workers: int, address: str | None, on_progress: OnP
         run_in_processes(train, jobs, workers, on_progress, on_end)
         return
 
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # a closing client logs its broken connections
+    client = _client(address)
+    try:
+        client.subscribe_topic(TOPIC, lambda event: on_progress(*event[1]))
+        _run_on_scheduler(client, jobs, on_end)
+    finally:
+        with contextlib.suppress(
+            TimeoutError
+        ):  # Ctrl-C waits for nobody; the runs that are under way end by themselves
+            client.close(timeout=CLOSE_SECONDS)
+
+
+def _run_on_scheduler(client: Any, jobs: list[Job], on_end: OnEnd) -> None:
+    """Gives the scheduler no more jobs than its workers will begin soon: thousands take it seconds to forget."""
     from distributed import as_completed
 
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # a closing client logs its broken connections
-    with _client(address) as client:
-        client.subscribe_topic(TOPIC, lambda event: on_progress(*event[1]))
-        futures = {
-            client.submit(_on_worker, index, run, folder, pure=False): index for index, (run, folder) in enumerate(jobs)
-        }
-        for future in as_completed(futures, loop=client.loop):
-            on_end(futures[future], future.result() if future.status == "finished" else future.exception())
+    waiting = deque(enumerate(jobs))
+    futures: dict[Any, int] = {}  # => index of the job
+    ended = as_completed(loop=client.loop)
+
+    def give() -> None:
+        most = AHEAD * max(1, sum(client.nthreads().values()))  # workers come and go
+        while waiting and len(futures) < most:
+            index, (run, folder) = waiting.popleft()
+            future = client.submit(_on_worker, index, run, folder, pure=False)
+            futures[future] = index
+            ended.add(future)
+
+    give()
+    for future in ended:
+        on_end(futures.pop(future), future.result() if future.status == "finished" else future.exception())
+        give()
 
 
 def _on_worker(index: int, run: Run, folder: Path) -> Exception | None:
