@@ -16,8 +16,9 @@ from tltlrl.config.compose import compose
 from tltlrl.config.read import read
 from tltlrl.experiments.experiment import finished, run_folder, survey
 from tltlrl.learning.policy import Policy
-from tltlrl.reports.plotting import plot_learning_curves, read_curves, titled
+from tltlrl.reports.plotting import plot_learning_curves, titled
 from tltlrl.reports.report import write_report
+from tltlrl.reports.sealed import read_curves
 from tltlrl.store.layout import PROGRESS
 from tltlrl.store.run import write_results
 from tltlrl.training.build import make_task
@@ -79,6 +80,11 @@ def summarise(folder: Path, experiments: list[Study]) -> tuple[float, float]:
     return float(taken), float(memory)
 
 
+def draw(folders: list[Path], path: Path) -> None:
+    """As `tltl plot` does."""
+    plot_learning_curves(titled(folders, [read_curves(folder)[0] for folder in folders]), path)
+
+
 def rows() -> list[Row]:
     """Every row of this module."""
     start = time.perf_counter()
@@ -92,7 +98,9 @@ def rows() -> list[Row]:
                 make_up(run, run_folder(folder / experiment.name, run))
         taken, memory = summarise(folder, experiments)
         paths = [folder / experiment.name for experiment in experiments]
-        plotting = seconds(lambda: plot_learning_curves(titled(paths, [read_curves(p) for p in paths]), folder / "all"))
+        plotting = seconds(
+            lambda: plot_learning_curves(titled(paths, [read_curves(p)[0] for p in paths]), folder / "all")
+        )
     size = max(len(pickle.dumps(run)) for run in runs)
     what = f"{len(runs)} runs of {ITERATIONS} iterations"
     return [

@@ -15,8 +15,9 @@ from pathlib import Path
 
 import pandas as pd
 
+from tltlrl.errors import UserError
 from tltlrl.reports.comparison import EXACT_PAIRS, Comparison, compare
-from tltlrl.reports.report import SUMMARY
+from tltlrl.reports.sealed import read_summary
 from tltlrl.store.files import write_text
 
 PAGE = "claims.md"
@@ -296,12 +297,17 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m studies.claims", description="The case study's claims, judged.")
     parser.add_argument("folders", nargs="+", type=Path, help="folders of experiments such as runs/reach_avoid")
     folders = parser.parse_args(arguments).folders
+    pages = {}
     for folder in folders:
-        if not (folder / SUMMARY).is_file():
-            print(f"{folder} holds no {SUMMARY}; tltl-run writes it when a run has finished", file=sys.stderr)
+        try:
+            summary, notes = read_summary(folder)
+        except UserError as error:
+            print(error, file=sys.stderr)
             return 2
-    for folder in folders:
-        text = page(folder.resolve().name, pd.read_csv(folder / SUMMARY))
+        pages[folder] = page(folder.resolve().name, summary)
+        for note in notes:
+            print(note, file=sys.stderr)
+    for folder, text in pages.items():
         write_text(folder / PAGE, text)
         print(text)
     return 0

@@ -3,7 +3,8 @@ import pandas as pd
 import pytest
 
 from tltlrl.errors import UserError
-from tltlrl.reports.plotting import LABELS, STYLES, plot_learning_curves, read_curves, titled
+from tltlrl.reports.plotting import LABELS, STYLES, plot_learning_curves, titled
+from tltlrl.reports.sealed import read_curves
 
 
 def curves(seeds=4, cases=tuple(LABELS)):
@@ -140,8 +141,8 @@ def test_curves_are_read_while_runs_go_on(tmp_path):
         folder.mkdir(parents=True)
         text = rows.iloc[: [10, 4, 0][seed]].to_csv(index=False)
         (folder / "progress.csv").write_text({0: text, 1: text + "reach_avoid,tltl_epi", 2: ""}[seed])
-    (tmp_path / "tltl_episodic/seed_0/done.json").write_text("{}")
     (tmp_path / "learning_curves.csv").write_text("of an earlier time")
-    read = read_curves(tmp_path)
+    read, notes = read_curves(tmp_path)
+    assert not notes
     assert read.groupby("seed")["iteration"].count().to_dict() == {0: 10, 1: 4}
     plot_learning_curves({"a": read}, tmp_path / "a")

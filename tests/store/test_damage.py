@@ -13,6 +13,8 @@ import tltlrl.experiments.experiment
 import tltlrl.reports.report
 import tltlrl.reports.video  # so that the forked processes have them
 from tltlrl.cli import main as cli
+from tltlrl.errors import UserError
+from tltlrl.reports.sealed import read_curves, read_summary
 
 SMALL = (
     "experiment=reach_avoid", "name=small", "seeds=2", "cases=[tltl_episodic]", "trials=2",
@@ -265,27 +267,42 @@ def test_what_is_damaged_is_neither_evaluated_nor_rendered(copy, capsys, name, d
         assert "Traceback" not in errors
 
 
-@pytest.mark.parametrize(
-    ("damage", "told"),
-    [
-        (deleted, "cannot be read ("),
-        (emptied, "cannot be read ("),
-        (cut, "its last line is cut off"),
-        (without_last_row, "tltl_episodic seed 1 has not the iterations of the others"),
-        (with_nan, "robustness_mean has a value that is not a number"),
-        (with_text, "robustness_mean has a value that is not a number"),
-    ],
-)
-def test_damaged_learning_curves_are_not_drawn(copy, capsys, damage, told):
-    path, picture = copy / "learning_curves.csv", copy / "learning_curves.png"
-    damage(path)
-    before = picture.stat().st_mtime_ns
+ANOTHER = "is missing or not what its runs say"
+
+
+@pytest.mark.parametrize("damage", [deleted, emptied, cut, without_last_row, with_nan, with_text, with_other_digits])
+def test_learning_curves_are_those_of_the_runs_whatever_the_table_says(undisturbed, copy, damage):
+    damage(copy / "learning_curves.csv")
+    curves, notes = read_curves(copy)
+    assert curves.equals(read_curves(undisturbed)[0])
+    assert [note.partition(",")[0] for note in notes] == [f"{copy}/learning_curves.csv {ANOTHER}"]
+
+
+def test_what_is_drawn_in_place_of_a_damaged_table_is_told(copy, capsys):
+    with_other_digits(copy / "learning_curves.csv")
+    before = (copy / "learning_curves.png").read_bytes()
     code, output, errors = tltl(capsys, "plot", copy)
-    assert (code, output) == (2, "")
-    assert errors.startswith(f"tltl: {path}")
-    assert told in errors
-    assert "run the experiment again" in errors or "give the folder" in errors
-    assert picture.stat().st_mtime_ns == before
+    assert (code, output) == (0, f"{copy}/learning_curves.png, {copy}/learning_curves.pdf\n")
+    assert errors.startswith(f"tltl: {copy}/learning_curves.csv {ANOTHER}, so they are read in its place; ")
+    assert (copy / "learning_curves.png").read_bytes() == before
+
+
+@pytest.mark.parametrize(("name", "damage", "told"), **named(RUN_DAMAGES))
+def test_curves_of_a_damaged_run_are_not_drawn(copy, name, damage, told):
+    damage(copy / name)
+    told = "progress.csv is of another case or seed;" if damage is of_another_seed else told
+    with pytest.raises(UserError) as refused:
+        read_curves(copy)
+    assert str(refused.value).startswith(f"{copy / RUN}: {told.partition(';')[0]}; start its tltl-run again")
+
+
+def test_a_damaged_summary_is_not_believed(copy):
+    before, _ = read_summary(copy)
+    path = copy / "summary.csv"
+    path.write_text(path.read_text().replace("-", ""))
+    summary, notes = read_summary(copy)
+    assert summary.equals(before)
+    assert [note.partition(",")[0] for note in notes] == [f"{path} {ANOTHER}"]
 
 
 @pytest.mark.parametrize("size", [10, 2500, 30_000])

@@ -1,10 +1,12 @@
-"""`tltl plot EXPERIMENT ...`: the learning curves of one or more experiments, from their CSV files."""
+"""`tltl plot EXPERIMENT ...`: the learning curves of one or more experiments, from the CSV files of its runs."""
 
 from __future__ import annotations
 
+import sys
 from argparse import ArgumentParser, Namespace
 
-from tltlrl.reports.plotting import FORMATS, plot_learning_curves, read_curves, stem, titled
+from tltlrl.reports.plotting import FORMATS, plot_learning_curves, stem, titled
+from tltlrl.reports.sealed import read_curves
 from tltlrl.resources import user_path
 from tltlrl.store.layout import FIGURE
 
@@ -26,7 +28,11 @@ def run(arguments: Namespace) -> int:
       UserError: if an experiment's CSV file cannot be read, or a picture of another kind is wanted.
     """
     output = stem(arguments.output or arguments.experiments[0] / FIGURE)
-    experiments = [read_curves(folder) for folder in arguments.experiments]
+    found = [read_curves(folder) for folder in arguments.experiments]
+    for _, notes in found:
+        for note in notes:
+            print(f"tltl: {note}", file=sys.stderr)
+    experiments = [curves for curves, _ in found]
     plot_learning_curves(titled(arguments.experiments, experiments), output)
     print(", ".join(f"{output}{suffix}" for suffix in FORMATS))
     return 0

@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 from tltlrl.errors import UserError
 from tltlrl.reports.interval import FEWEST, LEVEL, mean_interval
 from tltlrl.store.files import write_bytes
-from tltlrl.store.layout import CURVES, PROGRESS
-from tltlrl.store.run import going_on, joined, whole_lines
 
 Array = NDArray[np.float64]
 
@@ -46,45 +44,6 @@ FONT: dict[Any, Any] = {"font.size": 9, "axes.titlesize": 9, "legend.fontsize": 
 FORMATS = {".png": {"Software": None}, ".pdf": {"CreationDate": None}}  # without what differs between two savings
 DETAIL = 3.0  # a second row of panels reaches this many times as far below 0 as the best curve above,
 NEEDED = 6.0  # where the worst curve goes this many times as far
-
-
-def read_curves(folder: Path) -> pd.DataFrame:
-    """learning_curves.csv of an experiment's folder; while runs of it go on, what every run has written so far.
-
-    Raises:
-      UserError: if there is none, or it lacks a column or a row, or holds something that is not a number.
-    """
-    path = folder / CURVES
-    if running := going_on(folder):
-        path, text = folder, joined([rows for run in running if (rows := whole_lines(run / PROGRESS))])
-    try:
-        text = text if running else path.read_text(encoding="utf-8")
-        curves = pd.read_csv(io.StringIO(text))
-    except (OSError, ValueError) as error:
-        raise UserError(f"{path} cannot be read ({error}); give the folder of an experiment, as runs/NAME") from error
-    if mistake := _mistake(curves, text, equal=not running):
-        raise UserError(f"{path}: {mistake}; run the experiment again to write it anew")
-    return curves
-
-
-def _mistake(curves: pd.DataFrame, text: str, equal: bool) -> str | None:
-    """What is wrong with the learning curves of this text, if anything; `equal`: whether all must be as long."""
-    needed = {"task", "case", "seed", "iteration", "episodes", *PANELS}
-    if missing := needed - set(curves.columns):
-        return f"no column {', '.join(sorted(missing))}"
-    if not text.endswith("\n"):
-        return "its last line is cut off"
-    if curves.empty or curves.duplicated(["case", "seed", "iteration"]).any():
-        return "empty, or with an iteration twice"
-    for name in ("seed", "iteration", "episodes", *PANELS):
-        if curves[name].isna().any() or not pd.api.types.is_numeric_dtype(curves[name]):
-            return f"{name} has a value that is not a number"
-    counts = curves.groupby(["case", "seed"], sort=False)["iteration"].agg(["size", "max"])
-    (wrong,) = np.nonzero(equal & (counts["size"] != counts["size"].max()) | (counts["max"] + 1 != counts["size"]))
-    if len(wrong):
-        case, seed = counts.index[wrong[0]]
-        return f"{case} seed {seed} has not the iterations of the others"
-    return None
 
 
 def titled(folders: Sequence[Path], experiments: Sequence[pd.DataFrame]) -> dict[str, pd.DataFrame]:

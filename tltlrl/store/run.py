@@ -77,8 +77,12 @@ def write_results(
     shelve_checkpoint(folder)
 
 
-def read_results(folder: Path, identity: str) -> dict[str, Any] | None:
+def read_results(folder: Path, identity: str | None = None) -> dict[str, Any] | None:
     """What `write_results` was given; None if the run is not finished.
+
+    Args:
+      folder: of the run.
+      identity: of the run; None to take the results for those of whatever run they say.
 
     Raises:
       DamagedError: if a file is missing, or is not as it was written, or belongs to another run.
@@ -92,7 +96,7 @@ def read_results(folder: Path, identity: str) -> dict[str, Any] | None:
     try:
         results: dict[str, Any] = json.loads(text)
         seals = results.pop(SEAL)
-        found = _seals(folder, identity, results, CLAUSES in seals)
+        found = _seals(folder, seals[RUN] if identity is None else identity, results, CLAUSES in seals)
         wrong = [name for name, value in found.items() if seals[name] != value]
     except FileNotFoundError as error:
         raise DamagedError(f"{Path(error.filename).name} is missing") from error
@@ -220,10 +224,26 @@ def first_rows(path: Path, count: int) -> bytes:
     return b"".join(lines[: count + 1])
 
 
-def going_on(folder: Path) -> list[Path]:
-    """The folders of all runs of an experiment that have begun, if one of them has not ended; else none."""
-    begun = sorted((path.parent for path in folder.glob(f"*/seed_*/{PROGRESS}")), key=run_of)
-    return begun if any(not (run / DONE).exists() for run in begun) else []
+def begun(folder: Path) -> list[Path]:
+    """The folders of all runs of an experiment that have written something, by case and seed."""
+    found = {path.parent for name in (PROGRESS, DONE) for path in folder.glob(f"*/seed_*/{name}")}
+    return sorted((run for run in found if run.name.removeprefix("seed_").isdecimal()), key=run_of)
+
+
+def sealed_run(folder: Path) -> tuple[dict[str, Any], str]:
+    """The results and progress.csv of a finished run, of whatever config: its case and seed are those of the folder.
+
+    Raises:
+      DamagedError: if a file is missing or not as it was written.
+    """
+    results = read_results(folder)
+    if results is None:
+        raise DamagedError(f"{DONE} is missing")
+    text = (folder / PROGRESS).read_text(encoding="utf-8")
+    first = next(csv.DictReader(io.StringIO(text)), {})
+    if (first.get("case"), first.get("seed")) != (run_of(folder)[0], str(run_of(folder)[1])):
+        raise DamagedError(f"{PROGRESS} is of another case or seed")
+    return results, text
 
 
 def robustness_so_far(folder: Path) -> float | None:
