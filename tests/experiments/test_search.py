@@ -134,6 +134,36 @@ def test_the_same_command_again_keeps_all_and_computes_what_was_deleted(undistur
     assert sum("state" in line for line in journal) == 2 * 4  # four trials begun and told, none twice
 
 
+def test_a_candidate_is_worth_what_its_runs_say_and_not_the_journal_or_a_table(undisturbed, tmp_path, capsys):
+    shutil.copytree(undisturbed, tmp_path / "runs/small")
+    journal, folder = Path("runs/small/journal.log"), Path("runs/small/trial_001")
+    value = float(trials(undisturbed)[1]["objective"])
+    journal.write_text(journal.read_text().replace(f"[{value}]", f"[{-value}]"))
+    (folder / "summary.csv").write_text((folder / "summary.csv").read_text().replace("-", ""))
+    assert tltl_search(*SMALL, *SPACE, "--trials", 4) == 0
+    printed = capsys.readouterr()
+    assert f"trial 1: robustness {-value:+.4f} by journal.log and {value:+.4f} by its runs, which count" in printed.err
+    assert "best: trial" in printed.out
+    assert tables(tmp_path / "runs/small") == tables(undisturbed)
+
+
+def test_parameters_that_were_changed_in_the_journal_are_found_out(undisturbed, tmp_path, capsys):
+    shutil.copytree(undisturbed, tmp_path / "runs/small")
+    journal = Path("runs/small/journal.log")
+    value = trials(undisturbed)[1]["reward.c2"]
+    journal.write_text(journal.read_text().replace(value, "0.125"))
+    assert tltl_search(*SMALL, *SPACE, "--trials", 4) == 2
+    assert f"reward.c2: {value} there, 0.125 now" in capsys.readouterr().err
+
+
+def test_a_folder_that_is_no_search_stays_as_it_is(tmp_path, capsys):
+    Path("runs/small").mkdir(parents=True)
+    Path("runs/small/notes.txt").write_text("mine")
+    assert tltl_search(*SMALL, *SPACE, "overwrite=true") == 2
+    assert "exists and holds no search" in capsys.readouterr().err
+    assert [path.name for path in (tmp_path / "runs/small").iterdir()] == ["notes.txt"]
+
+
 @pytest.mark.parametrize(
     ("changed", "difference"),
     [

@@ -32,10 +32,11 @@ from tltlrl.config.machinery import Machinery
 from tltlrl.config.read import read
 from tltlrl.errors import UserError
 from tltlrl.experiments.engine import check_scheduler
-from tltlrl.experiments.experiment import run_experiment
+from tltlrl.experiments.experiment import finished, run_experiment
 from tltlrl.experiments.folder import empty, read_record, working_in
-from tltlrl.store.files import digest, write_bytes, write_text
-from tltlrl.store.layout import JOURNAL, LOG, SEARCH, SUMMARY, SUMMARY_PAGE, TRIALS
+from tltlrl.experiments.journal import open_journal, proven
+from tltlrl.store.files import digest, write_text
+from tltlrl.store.layout import JOURNAL, LOG, SEARCH, SUMMARY_PAGE, TRIALS
 from tltlrl.training.study import Study
 
 if TYPE_CHECKING:
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
 MOST_CANDIDATES = 1000
 
 Parameters = Mapping[str, Any]  # key => value; of a choice, its text as in an override
+Results = dict[int, list[Mapping[str, Any]]]  # number of a candidate => done.json of each of its runs, if all are whole
 
 
 @dataclass(frozen=True)
@@ -188,6 +190,7 @@ def run_search(search: Search, count: int, command: list[str]) -> list[dict[str,
     """
     if not 1 <= count <= MOST_CANDIDATES or not 0 <= search.seed < 2**63:
         raise UserError(f"--trials must lie between 1 and {MOST_CANDIDATES}, and --seed be at least 0")
+    _check_ours(search)
     _check_space(search)
     if search.machinery.address is not None:
         check_scheduler(search.machinery.address)
@@ -197,35 +200,60 @@ def run_search(search: Search, count: int, command: list[str]) -> list[dict[str,
         before = sum(candidate.state.is_finished() for candidate in journal.trials[:count])
         if before:
             _say(f"{before} of {count} trials were done before and are kept")
+        found = _read(search, journal.trials)
         for number in range(count):
-            _try(search, journal, number, count, command)
-        table = table_of(search, journal.trials)
+            _try(search, journal, found, number, count, command)
+        table = table_of(journal.trials, found)
         write_tables(search, table)
     return table
 
 
-def _try(search: Search, journal: optuna.Study, number: int, count: int, command: list[str]) -> None:
-    """Does what is missing of one candidate."""
+def _read(search: Search, candidates: Sequence[FrozenTrial]) -> Results:
+    """What the runs of the finished candidates say; where the journal says something else, that is told."""
+    found: Results = {}
+    for candidate in candidates:
+        if candidate.value is None:
+            continue
+        runs = results(search, candidate)
+        if runs:
+            found[candidate.number] = runs
+            _tell_change(candidate, objective(runs))
+    return found
+
+
+def _tell_change(candidate: FrozenTrial, value: float) -> None:
+    if candidate.value != value:
+        _say(
+            f"trial {candidate.number}: robustness {candidate.value:+.4f} by {JOURNAL} and {value:+.4f} by its runs, "
+            "which count"
+        )
+
+
+def _try(search: Search, journal: optuna.Study, found: Results, number: int, count: int, command: list[str]) -> None:
+    """Does what is missing of one candidate; its results are put into `found`."""
     from optuna.trial import TrialState
 
-    if number == len(journal.trials):
-        journal.add_trial(_begin(search, journal.trials, number))  # one line of the journal: all of it or nothing
+    if number == len(journal.trials):  # one line of the journal: all of it or nothing
+        journal.add_trial(_begin(search, proven(journal.trials, values_of(found)), number))
     candidate = journal.trials[number]
-    if candidate.state == TrialState.FAIL or (candidate.state == TrialState.COMPLETE and results(search, number)):
+    if candidate.state == TrialState.FAIL or number in found:
         return
     _say(f"trial {number} ({number + 1} of {count}): {describe(candidate.params)}")
     succeeded = run_experiment(*search.candidate(number, candidate.params), command)
-    found = results(search, number) if succeeded else []
-    if not candidate.state.is_finished():  # otherwise its folder was gone, and has come back
-        value = objective(found)
-        if math.isfinite(value):
-            journal.tell(number, value)
-            best = max(other.value for other in journal.trials if other.value is not None)
-            _say(f"trial {number}: robustness {value:+.4f}; best so far {best:+.4f}")
-        else:
-            journal.tell(number, state=TrialState.FAIL)
-            _say(f"trial {number} FAILED; see {search.candidate_folder(number)}")
-    write_tables(search, table_of(search, journal.trials))
+    runs = results(search, candidate) if succeeded else []
+    value = objective(runs)
+    if math.isfinite(value):
+        found[number] = runs
+    if candidate.state.is_finished():  # its folder was gone, and has come back
+        if number in found:
+            _tell_change(candidate, value)
+    elif number in found:
+        journal.tell(number, value)
+        _say(f"trial {number}: robustness {value:+.4f}; best so far {max(values_of(found).values()):+.4f}")
+    else:
+        journal.tell(number, state=TrialState.FAIL)
+        _say(f"trial {number} FAILED; see {search.candidate_folder(number)}")
+    write_tables(search, table_of(journal.trials, found))
 
 
 def _begin(search: Search, earlier: Sequence[FrozenTrial], number: int) -> FrozenTrial:
@@ -262,31 +290,6 @@ def propose(
     return sampled.ask(dict(distributions)).params
 
 
-def open_journal(journal: Path) -> optuna.Study:
-    """Optuna's study kept in a journal file, which is made if there is none.
-
-    Whoever was killed may have left a lock, and half a line at the end, which stands for nothing done: both go. The
-    caller holds the folder's own lock, so nobody else is writing.
-
-    Raises:
-      UserError: if the journal cannot be read.
-    """
-    import optuna
-    from optuna.storages import JournalStorage
-    from optuna.storages.journal import JournalFileBackend
-
-    journal.with_name(f"{journal.name}.lock").unlink(missing_ok=True)
-    if journal.exists() and not (content := journal.read_bytes()).endswith(b"\n"):
-        write_bytes(journal, content[: content.rfind(b"\n") + 1])
-    try:
-        storage = JournalStorage(JournalFileBackend(str(journal)))
-        return optuna.create_study(storage=storage, study_name="search", direction="maximize", load_if_exists=True)
-    except (ValueError, KeyError, TypeError, AssertionError) as error:
-        raise UserError(
-            f"{journal} is damaged ({error}); put back a copy of it, or set another name=... or overwrite=true"
-        ) from error
-
-
 def _check_space(search: Search) -> None:
     """A choice that makes no experiment is a mistake, and so is an interval neither of whose ends does.
 
@@ -307,28 +310,33 @@ def _check_space(search: Search) -> None:
             raise errors[0]
 
 
-def _prepare(search: Search) -> None:
-    """Makes the folder ready: new, emptied with overwrite=true, or the same search's.
+def _check_ours(search: Search) -> None:
+    """Whether the folder is there for this search, looked at before anything in it is written, its lock included.
 
     Raises:
       UserError: if it holds something else, with the difference.
     """
-    folder, record, file = search.folder, search.record(), search.folder / SEARCH
-    if any(not entry.name.startswith(".") for entry in folder.iterdir()):
-        before = read_record(file, record)
-        if before is None:
-            raise UserError(
-                f"{folder} exists and holds no search (its {SEARCH} is missing or not one of ours); "
-                f"set another name=... or runs_dir=..."
-            )
-        if search.machinery.overwrite:
-            empty(folder, file)
-        elif wrong := differences(_unfolded(before), _unfolded(record)):
-            raise UserError(
-                f"{folder} holds another search:\n{wrong}\n"
-                f"Set another name=..., or overwrite=true to delete what is there."
-            )
-    write_text(file, yaml.safe_dump(record, sort_keys=False))
+    folder, record = search.folder, search.record()
+    if not folder.is_dir() or all(entry.name.startswith(".") for entry in folder.iterdir()):
+        return
+    before = read_record(folder / SEARCH, record)
+    if before is None:
+        raise UserError(
+            f"{folder} exists and holds no search (its {SEARCH} is missing or not one of ours); "
+            f"set another name=... or runs_dir=..."
+        )
+    if not search.machinery.overwrite and (wrong := differences(_unfolded(before), _unfolded(record))):
+        raise UserError(
+            f"{folder} holds another search:\n{wrong}\nSet another name=..., or overwrite=true to delete what is there."
+        )
+
+
+def _prepare(search: Search) -> None:
+    """Makes the folder ready: new, emptied with overwrite=true, or the same search's."""
+    _check_ours(search)  # again: another process may have begun
+    if search.machinery.overwrite:
+        empty(search.folder, search.folder / SEARCH)
+    write_text(search.folder / SEARCH, yaml.safe_dump(search.record(), sort_keys=False))
 
 
 def _unfolded(record: Mapping[str, Any]) -> dict[str, Any]:
@@ -338,40 +346,45 @@ def _unfolded(record: Mapping[str, Any]) -> dict[str, Any]:
     return {**(config if isinstance(config, dict) else {"config": config}), **rest}
 
 
-def results(search: Search, number: int) -> list[dict[str, str]]:
-    """The rows of a candidate's summary.csv; none if it is not whole."""
+def results(search: Search, candidate: FrozenTrial) -> list[Mapping[str, Any]]:
+    """What the sealed files of a candidate's runs say, in the order of its tables; none if one is not whole."""
     try:
-        with open(search.candidate_folder(number) / SUMMARY, newline="", encoding="utf-8") as file:
-            found = list(csv.DictReader(file))
-        for row in found:
-            float(row["robustness_policy"]), int(row["successes"]), int(row["trials"]), row["satisfied"]
-    except (OSError, ValueError, KeyError, TypeError, csv.Error):
+        study, _ = search.candidate(candidate.number, candidate.params)
+    except UserError:
         return []
-    return found if len(found) == len(search.base.runs()) else []
+    found: list[Mapping[str, Any]] = list(finished(search.candidate_folder(candidate.number), study).values())
+    return found if len(found) == len(study.runs()) else []
 
 
-def objective(found: Sequence[Mapping[str, str]]) -> float:
+def objective(found: Sequence[Mapping[str, Any]]) -> float:
     """What is maximised: robustness of the final mean policy, averaged over cases and seeds; NaN without any."""
-    return sum(float(row["robustness_policy"]) for row in found) / len(found) if found else math.nan
+    return sum(float(run["robustness_policy"]) for run in found) / len(found) if found else math.nan
 
 
-def table_of(search: Search, candidates: Sequence[FrozenTrial]) -> list[dict[str, Any]]:
+def values_of(found: Results) -> dict[int, float]:
+    """The objective of every candidate that has results."""
+    return {number: objective(runs) for number, runs in found.items()}
+
+
+def table_of(candidates: Sequence[FrozenTrial], found: Results) -> list[dict[str, Any]]:
     """trials.csv: the finished candidates, in order."""
     table = []
     for candidate in candidates:
         if not candidate.state.is_finished():
             continue
         row = {"number": candidate.number, **candidate.params, "state": candidate.state.name}
-        if candidate.value is not None:
-            found = results(search, candidate.number)
+        row |= {key: value for key, value in candidate.user_attrs.items() if key == "message"}
+        if runs := found.get(candidate.number):
             row |= {
-                "objective": candidate.value,
-                "satisfied": sum(run["satisfied"] == "True" for run in found),
-                "runs": len(found),
-                "successes": sum(int(run["successes"]) for run in found),
-                "trials": sum(int(run["trials"]) for run in found),
+                "objective": objective(runs),
+                "satisfied": sum(bool(run["satisfied"]) for run in runs),
+                "runs": len(runs),
+                "successes": sum(int(run["successes"]) for run in runs),
+                "trials": sum(int(run["trials"]) for run in runs),
             }
-        table.append(row | {key: value for key, value in candidate.user_attrs.items() if key == "message"})
+        elif candidate.value is not None:
+            row["message"] = "its runs are not whole; the search with more --trials computes them again"
+        table.append(row)
     return table
 
 
