@@ -167,6 +167,7 @@ def test_a_manifest_says_nothing_about_what_is_deleted_or_whom_to_connect_to(und
         "name": "victim", "overwrite": True, "engine": {"address": "tcp://127.0.0.1:9"}, "runs_dir": "/nowhere",
         "trials": forged["config"]["trials"] + 1,
     }  # fmt: skip
+    del forged["sha256"]
     (tmp_path / "runs/got/manifest.json").write_text(json.dumps(forged))
     code, _, errors = run(tmp_path, "--from", "runs/got/manifest.json")
     assert code == 2

@@ -18,7 +18,16 @@ from tltlrl.config.read import read, seeds_of
 from tltlrl.errors import UserError
 from tltlrl.experiments.engine import check_scheduler, run_all
 from tltlrl.experiments.folder import empty, is_record, read_record, working_in
-from tltlrl.experiments.manifest import end_session, manifest, read_manifest, spec_name, start_session, with_start_of
+from tltlrl.experiments.manifest import (
+    end_session,
+    intact,
+    manifest,
+    put_right,
+    read_manifest,
+    spec_name,
+    start_session,
+    with_start_of,
+)
 from tltlrl.experiments.progress import Progress
 from tltlrl.learning.policy import Policy
 from tltlrl.reports.plotting import FORMATS
@@ -65,6 +74,10 @@ def run_experiment(study: Study, machinery: Machinery, command: list[str]) -> bo
         before = read_manifest(folder / MANIFEST)
         if done and before is None:
             notes.append(f"{MANIFEST} was missing or damaged: who computed what is kept is not known any more")
+        if before is not None and intact(before) is False:
+            notes.append(f"{MANIFEST} is not as it was written: its config is put right, the rest is kept as it stands")
+            before = put_right(whole, before)
+            write_json(folder / MANIFEST, before)
         if missing and (note := cut_windows(study)):
             notes.append(note)
         if missing or before is None:  # otherwise nothing here is of this session, and the manifest stays as it is
@@ -275,8 +288,14 @@ def prepare(folder: Path, study: Study, overwrite: bool) -> tuple[Study, list[st
     if before is not None and overwrite:
         empty(folder, config)
     elif before is not None:
-        if wrong := changes(before, study):
-            if known is None or changes(known["config"], study):
+        wrong = changes(before, study)
+        if not wrong and known is not None and intact(known) and (changed := changes(known["config"], study)):
+            raise UserError(
+                f"{folder}: its {CONFIG} was changed, and the results are of the config in {MANIFEST}:\n{changed}\n"
+                f"Set another name=... (now {study.name}), or overwrite=true to delete what is there."
+            )
+        if wrong:
+            if known is None or not intact(known) or changes(known["config"], study):
                 raise UserError(
                     f"{folder} holds results of another config:\n{wrong}\n"
                     f"Set another name=... (now {study.name}), or overwrite=true to delete what is there."
@@ -286,7 +305,7 @@ def prepare(folder: Path, study: Study, overwrite: bool) -> tuple[Study, list[st
             notes.append(f"{CONFIG} was missing or damaged and is written again, from {MANIFEST}")
         text = study.spec.text.encode()
         if not spec_copy.is_file() or spec_copy.read_bytes() != text:
-            if known is None or known["specs"] != {spec_copy.name: digest(text)}:
+            if known is None or intact(known) is False or known["specs"] != {spec_copy.name: digest(text)}:
                 raise UserError(
                     f"{folder} was made with another text of {spec_copy.name} (kept in its folder specs), or its copy "
                     f"was damaged or deleted. Set another name=..., or overwrite=true to delete what is there."
@@ -356,7 +375,7 @@ def _settings_before(folder: Path, known: Mapping[str, Any] | None) -> tuple[dic
         return None, False
     if (before := read_record(folder / CONFIG, kept())) is not None:
         return before, False
-    if known is not None and is_record(known["config"], kept()):
+    if known is not None and intact(known) is not False and is_record(known["config"], kept()):
         return known["config"], True
     raise UserError(
         f"{folder} exists and holds no results of tltl-run (its {CONFIG} is missing or not one of ours); "

@@ -13,16 +13,20 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from tltlrl.config.keys import machinery_defaults
+from tltlrl.config.compare import differences
+from tltlrl.config.keys import kept, machinery_defaults
 from tltlrl.errors import UserError
+from tltlrl.experiments.folder import read_record
 from tltlrl.resources import spec_path
 from tltlrl.store.files import digest
-from tltlrl.store.layout import SPECS, START
+from tltlrl.store.layout import CONFIG, SPECS, START
 from tltlrl.training.study import Study, with_later
 
 CONTENT = {
     "command", "started", "ended", "python", "packages", "git", "platform", "cpu", "specs", "config", "later_sessions",
 }  # fmt: skip
+
+SEAL = "sha256"
 
 
 def start_session(command: list[str]) -> dict[str, Any]:
@@ -53,13 +57,40 @@ def manifest(study: Study, before: Mapping[str, Any] | None, session: Mapping[st
       session: this one.
     """
     first, later = (before, [*before["later_sessions"], session]) if before else (session, [])
+    sessions = {key: first[key] for key in session if key in first} | {"later_sessions": later}
+    noticed = {"noticed": before["noticed"]} if before and "noticed" in before else {}
+    return _sealed(sessions | _asked(study) | noticed)
+
+
+def put_right(study: Study, changed: Mapping[str, Any]) -> dict[str, Any]:
+    """A manifest that was changed, with what was asked for put right; what it says of sessions stays, marked.
+
+    Args:
+      study: what the folder holds.
+      changed: the manifest.
+    """
+    noticed = f"{_now()}: this file was not as it was written; what it says of sessions before is kept as it stood"
+    return _sealed({**changed, **_asked(study), "noticed": [*changed.get("noticed", []), noticed]})
+
+
+def _asked(study: Study) -> dict[str, Any]:
+    """The part of a manifest that says what was asked for."""
     return {
-        **{key: first[key] for key in session},
         "specs": {spec_name(study): digest(study.spec.text.encode())},
         "config": study.settings,
         "start": None if (start := study.algorithm.start()) is None else {study.algorithm.policy: digest(start)},
-        "later_sessions": later,
     }
+
+
+def _sealed(content: Mapping[str, Any]) -> dict[str, Any]:
+    """With a digest of all of it: against accidents and careless hands, and no signature."""
+    rest = {key: value for key, value in content.items() if key != SEAL}
+    return {**rest, SEAL: digest(json.dumps(rest, sort_keys=True).encode())}
+
+
+def intact(content: Mapping[str, Any]) -> bool | None:
+    """Whether a manifest is as it was written; None if it has no seal, as those of 0.1."""
+    return _sealed(content)[SEAL] == content[SEAL] if SEAL in content else None
 
 
 def read_manifest(path: Path) -> dict[str, Any] | None:
@@ -97,6 +128,12 @@ def settings_in(path: Path) -> dict[str, Any]:
         raise UserError(
             f"{path}: {'not' if path.exists() else 'there is no such file; give'} the manifest.json of an experiment"
         )
+    if intact(content) is False:
+        raise UserError(
+            f"{path}: it is not as it was written{_difference(path, content)}; write changes on the command line, as "
+            f"in --from {path} algorithm.epsilon=0.5, and put back the file as it was (the experiment's own command "
+            "does)"
+        )
     settings = (
         with_start_of(path.parent, with_later(content["config"]))
         | machinery_defaults()
@@ -109,6 +146,17 @@ def settings_in(path: Path) -> dict[str, Any]:
     except UserError:
         unchanged = False
     return settings if unchanged else settings | {"spec": str(path.parent / SPECS / Path(name).name)}
+
+
+def _difference(path: Path, content: Mapping[str, Any]) -> str:
+    """What its config says in another way than config.yaml beside it, if that is there."""
+    beside = read_record(path.parent / CONFIG, kept())
+    lines = differences(beside, content["config"]) if beside else ""
+    return (
+        f" ({'; '.join(line.strip() for line in lines.splitlines())})".replace(" there, ", f" in {CONFIG}, ")
+        if lines
+        else ""
+    )
 
 
 def with_start_of(folder: Path, settings: Mapping[str, Any]) -> dict[str, Any]:
