@@ -123,6 +123,19 @@ def test_functions_of_the_text_are_what_they_say():
         assert parse_spec(str(spec)) == spec
 
 
+@pytest.mark.parametrize(
+    ("formula", "expected"),
+    [
+        ("F at((1, 2)) & !at((0, 1)) U at((1, 2))", {"at((1, 2))": True, "at((0, 1))": False}),
+        ("F holds(at((1, 2))) & G !holds(at((0, 1)))", {"at((1, 2))": True, "at((0, 1))": False}),
+        ("G (holds(at((1, 2))) => p)", {"at((1, 2))": False}),
+    ],
+)
+def test_regions_that_calls_and_conditions_speak_of_are_drawn(formula, expected):
+    spec = parse_spec(f"signal ee[2]\nsignal p: bool\ndef at(c): distance(ee, c) < 0.3\nspec: {formula}")
+    assert {region.name: region.inside for region in spec.regions} == expected
+
+
 def test_explanations_and_regions_of_functions():
     spec = parse_spec(f"{NEAR} spec: all i in a, b: F near(goal[i], 0.5)")
     (why,) = spec.explain({"ee": np.array([[[1.0, 0.0], [0.5, 0.5]]])})

@@ -1,5 +1,6 @@
 """What a spec means: its formula with every name settled, over one graph of numbers."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from tltlrl.logic import syntax
@@ -92,10 +93,11 @@ class Meaning:
         return any(self.graph.looks_back)
 
 
-def asked(formula: Truth) -> set[tuple[int, bool]]:
+def asked(formula: Truth, conditions: Mapping[int, Truth]) -> set[tuple[int, bool]]:
     """The node of every predicate, and whether the formula asks for it; for its opposite, or both, where it stands so.
 
-    It does under an even number of negations, since every other operation rises with its parts.
+    It does under an even number of negations, since every other operation rises with its parts; holds(...), too, with
+    the condition in it (by its node).
     """
     found: set[tuple[Truth, bool]] = set()
     stack = [(formula, True)]
@@ -104,4 +106,6 @@ def asked(formula: Truth) -> set[tuple[int, bool]]:
         if (part, wanted) not in found:
             found.add((part, wanted))
             stack += [(below, wanted != (part.operation == "negative")) for below in part.parts]
+            if part.node in conditions:
+                stack.append((conditions[part.node], wanted))
     return {(part.node, wanted) for part, wanted in found if part.predicate is not None}

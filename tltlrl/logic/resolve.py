@@ -170,6 +170,7 @@ class _Resolver:
         self.results: dict[tuple[str, str | None], Expression | Truth] = {}
         self.places: dict[int, Predicate] = {}
         self.regions: list[tuple[Region, int]] = []  # each with the node of its predicate
+        self.conditions: dict[int, Truth] = {}  # by the node of the holds(...) around them
         self.distances: dict[int, tuple[Node, tuple[float, ...]]] = {}  # of a point from a fixed one
         self.within: str | None = None  # the named sub-formula being read
         self.timed: Span | None = None
@@ -210,8 +211,8 @@ class _Resolver:
             if isinstance(result := self.results[name, label], Truth)
             for title in [_title(name, label)]
         ]
-        titles: list[str | None] = [title for title, *_ in order] + [None]
-        wanted = asked(formula)
+        titles: list[str | None] = [*(title for title, *_ in order), None, *self.called]
+        wanted = asked(formula, self.conditions)
         regions = [
             replace(region, inside=(node, region.inside) in wanted)  # asked for inside, or its opposite for outside
             for region, node in self.regions
@@ -524,8 +525,10 @@ class _Resolver:
             case "rise" | "fall":
                 return change(self.graph, self.truth(arguments[0], scope), name == "rise")
             case "holds":
-                condition = self.graph.add("holds", self.truth(arguments[0], scope).node)
-                return Truth(condition, predicate=Predicate(str(_as_read(node, scope)), node.span))
+                condition = self.truth(arguments[0], scope)
+                number = self.graph.add("holds", condition.node)
+                self.conditions[number] = condition
+                return Truth(number, predicate=Predicate(str(_as_read(node, scope)), node.span))
             case "ball" | "box":
                 return self._region(node, scope)
             case "clip":
