@@ -12,6 +12,7 @@ from tltlrl.errors import UserError
 from tltlrl.learning.reps import RepsSettings
 from tltlrl.registry import LEARNERS, TASKS
 from tltlrl.resources import CONFIGS
+from tltlrl.settings import setting
 from tltlrl.training.study import AlgorithmConfig
 
 
@@ -55,7 +56,18 @@ def test_what_a_key_is_for():
     ],
 )  # fmt: skip
 def test_what_the_best_candidates_command_leaves_out(key, budget):
-    assert is_budget(key) == budget
+    assert is_budget(key, []) == budget
+
+
+def test_a_learners_own_budget_is_left_out_as_well():
+    @dataclasses.dataclass(frozen=True)
+    class Own:
+        restarts: int = setting("how often it begins again", 1, budget=True)
+        width: float = setting("of its steps", 1.0)
+
+    assert is_budget("algorithm.restarts", [Own])
+    assert not is_budget("algorithm.restarts", [])
+    assert not is_budget("algorithm.width", [Own])
 
 
 @pytest.mark.parametrize(

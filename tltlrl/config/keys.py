@@ -120,9 +120,14 @@ def algorithm_settings(learners: Iterable[type]) -> dict[str, Setting]:
     return found
 
 
-def is_budget(key: str) -> bool:
-    """Whether a key of a config, dotted within its section, is for one command alone; see `Role.BUDGET`."""
+def is_budget(key: str, learners: Iterable[type]) -> bool:
+    """Whether a key of a config, dotted within its section, is for one command alone; see `Role.BUDGET`.
+
+    Args:
+      key: as an override has it.
+      learners: the dataclasses of the settings of those that the config is for.
+    """
     section, _, name = key.partition(".")
     if section == "algorithm":
-        return (own := settings_of(AlgorithmConfig).get(name)) is not None and own.budget
+        return (own := algorithm_settings(learners).get(name)) is not None and own.budget
     return section in KEYS and Role.BUDGET in KEYS[section].role

@@ -450,7 +450,8 @@ def best_first(table: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
 def best_command(search: Search, row: Mapping[str, Any]) -> str:
     """The command that runs a candidate's config as the experiment it came from: its own seeds, trials, iterations."""
     given = {override: override.partition("=")[0].lstrip("+") for override in search.fixed}
-    taken = [override for override, key in given.items() if key != "name" and not is_budget(key)]
+    learners = [type(settings) for settings in search.base.learners.values()]
+    taken = [override for override, key in given.items() if key != "name" and not is_budget(key, learners)]
     found = [f"{key}={row[key]}" for key in search.space]
     return shlex.join(["tltl-run", *taken, *found, f"name={search.folder.name}_best"])
 
