@@ -72,6 +72,7 @@ def test_plot_redraws_from_the_csv_alone_and_says_that_nothing_proves_it(experim
 def test_render_draws_the_workspace_and_the_motion_or_says_what_it_misses(experiment, tmp_path, capsys):
     code, _, errors = tltl(capsys, "render", experiment / RUN, "--output", tmp_path)
     assert (tmp_path / "workspace.png").stat().st_size > 0
+    assert (tmp_path / "over_time.png").stat().st_size > 0
     if code == 0:
         assert (tmp_path / "motion.gif").read_bytes().startswith(b"GIF89a")
         assert (tmp_path / "motion.png").stat().st_size > 0

@@ -5,11 +5,11 @@ from __future__ import annotations
 from argparse import ArgumentParser, Namespace
 
 from tltlrl.experiments.experiment import open_calm, open_run
+from tltlrl.reports.strips import draw_strips
 from tltlrl.reports.video import render_motion
-from tltlrl.reports.workspace import draw_workspace
+from tltlrl.reports.workspace import can_draw, draw_workspace
 from tltlrl.resources import user_path
 from tltlrl.store.layout import CALM_WORKSPACE, WORKSPACE
-from tltlrl.training.build import make_task
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -28,13 +28,18 @@ def run(arguments: Namespace) -> int:
     folder = arguments.output or arguments.run
     folder.mkdir(parents=True, exist_ok=True)
     calm = open_calm(arguments.run)
-    for shown, workspace, motion in ((policy, WORKSPACE, "motion"), (calm, CALM_WORKSPACE, "motion_calm")):
+    for shown, workspace, strips, motion in (
+        (policy, WORKSPACE, "over_time", "motion"),
+        (calm, CALM_WORKSPACE, "over_time_calm", "motion_calm"),
+    ):
         if shown is None:
             continue
         of = " of the calm policy" if shown is calm else ""
-        if make_task(learned.task).skeleton is not None:
+        if can_draw(learned):
             draw_workspace(learned, shown, folder / workspace)
             print(f"{folder}/{workspace}.png, .pdf: the paths{of}")
+        draw_strips(learned, shown, folder / strips)
+        print(f"{folder}/{strips}.png, .pdf: path, commands and clauses{of} over time")
         render_motion(learned, shown, folder / motion)
         print(f"{folder}/{motion}.gif: the motion{of}; {motion}.png: frames of it")
     return 0

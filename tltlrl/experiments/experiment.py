@@ -30,6 +30,7 @@ from tltlrl.experiments.manifest import (
 )
 from tltlrl.experiments.progress import Progress
 from tltlrl.learning.policy import Policy
+from tltlrl.reports.motion import has_path
 from tltlrl.reports.plotting import FORMATS
 from tltlrl.reports.report import write_report
 from tltlrl.reports.workspace import draw_workspace
@@ -174,7 +175,7 @@ def draw_cases(folder: Path, study: Study, results: Mapping[Path, Mapping[str, A
 
     Pictures that are younger than all policies of their case stay.
     """
-    if make_task(study.task).skeleton is None:
+    if not has_path(make_task(study.task), study.spec):
         return
     for case in study.cases:
         clear_leftovers(folder / case.name)

@@ -19,11 +19,10 @@ from tltlrl.config.read import read
 from tltlrl.learning.policy import Policy
 from tltlrl.logic import Spec
 from tltlrl.reports.plotting import curves_figure
-from tltlrl.reports.workspace import workspace_figure
+from tltlrl.reports.workspace import can_draw, workspace_figure
 from tltlrl.store.files import write_text
 from tltlrl.store.layout import PROGRESS
 from tltlrl.store.run import read_results
-from tltlrl.training.build import make_task
 from tltlrl.training.session import learned_policy, train
 from tltlrl.training.study import Run
 from tltlrl.training.verdict import motions
@@ -56,8 +55,8 @@ class Learned:
         return {name: values[0, : moved.lengths[0]] for name, values in moved.signals.items()}
 
     def picture(self) -> Image.Image:
-        """The learned motion in the plane, if the task can draw one; else the learning curve."""
-        if make_task(self.run.task).skeleton is None:
+        """The learned motion, if there is a point whose path can be drawn; else the learning curve."""
+        if not can_draw(self.run):
             return self.curve()
         return _image(workspace_figure(self.run, self.policy))
 

@@ -301,6 +301,17 @@ class Spec:
         ready = self._compiled
         return Monitor(ready, count, partial(self._sample, ready, count))
 
+    def monitors(self) -> dict[str, Monitor]:
+        """A monitor of one trajectory for every top-level clause: text to monitor, as `clauses`.
+
+        Raises:
+          SpecError: as `monitor`.
+        """
+        if self.period is None and self.counts_seconds:
+            raise self._without_period(SpecError)
+        ready = {text: self._compile(clause.node) for text, clause in clauses_of(self._meaning).items()}
+        return {text: Monitor(own, 1, partial(self._sample, own, 1)) for text, own in ready.items()}
+
     def watch(self, period: float | None = None) -> Witnessed:
         """A monitor of one trajectory that also says what decides, as `explain` does.
 
@@ -315,8 +326,11 @@ class Spec:
 
     @cached_property
     def _compiled(self) -> Compiled:
+        return self._compile(self._meaning.root)
+
+    def _compile(self, node: int) -> Compiled:
         try:
-            return compiled(self._meaning.graph, self._meaning.root)
+            return compiled(self._meaning.graph, node)
         except RecursionError:
             raise SpecError(
                 self._source,

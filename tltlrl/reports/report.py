@@ -10,9 +10,11 @@ import numpy as np
 import pandas as pd
 from scipy.stats import binomtest
 
+from tltlrl.logic import Spec
 from tltlrl.logic.reasons import from_json, merge
 from tltlrl.reports.clauses import Standing, plot_clauses, standings, stuck_lines
 from tltlrl.reports.interval import FEWEST, LEVEL, Array, mean_interval
+from tltlrl.reports.motion import has_path
 from tltlrl.reports.plotting import FORMATS, plot_learning_curves, titled
 from tltlrl.simulation.motion import MEASURES
 from tltlrl.store.files import write_text
@@ -167,7 +169,7 @@ def report_page(
         *(["", f"![What decides, clause by clause]({CLAUSES_FIGURE}.png)"] if known else []),
         *bottleneck_lines(finished, task.control_timestep),
         *stuck_lines(finished, known, study.spec.asks_for, study.algorithm.samples),
-        *picture_lines(task, finished),
+        *picture_lines(task, study.spec, finished),
         *motion_lines(summary),
         *trial_lines(summary, finished, task.control_timestep),
         "",
@@ -178,11 +180,11 @@ def report_page(
     return "\n".join(lines) + "\n"
 
 
-def picture_lines(task: Task, finished: Mapping[Path, Mapping[str, Any]]) -> list[str]:
-    """The workspace pictures of the cases, for tasks that have them."""
+def picture_lines(task: Task, spec: Spec, finished: Mapping[Path, Mapping[str, Any]]) -> list[str]:
+    """The workspace pictures of the cases, where there is a path to draw."""
     cases = dict.fromkeys(run_of(path)[0] for path in finished)
     calm = {run_of(path)[0] for path, done in finished.items() if "calm" in done}
-    if task.skeleton is None:
+    if not has_path(task, spec):
         return []
     return [
         "",
