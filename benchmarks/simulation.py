@@ -136,14 +136,14 @@ def experiment_rate(workers: int, count: int = 24) -> float:
     first: set[int] = set(range(workers))  # one for each worker
     ends: list[float] = []
 
-    def on_end(index: int, error: Exception | None) -> None:
+    def on_end(index: int, error: Exception | None, _: str) -> None:
         assert error is None
         first.discard(index)
         if not first:
             ends.append(time.perf_counter())
 
     with tempfile.TemporaryDirectory() as folder:
-        run_all([(run, Path(folder) / str(run.seed)) for run in runs], workers, None, lambda *_: None, on_end)
+        run_all([(run, Path(folder) / str(run.seed)) for run in runs], workers, None, lambda *_: None, on_end, print)
     return (len(ends) - 1) / (ends[-1] - ends[0])
 
 

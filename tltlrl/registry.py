@@ -45,19 +45,27 @@ class Registry:
         Raises:
           UserError: if there is no such name, or what it stands for cannot be imported.
         """
-        own = {**self.built_in, **self.described}
-        address = own.get(name) or self._of_packages().get(name)
-        if address is None:
-            raise UserError(f"no {self.what} is named {name}{nearest(name, self.names())}")
+        address = self.address(name)
         module, _, attribute = address.partition(":")
         try:
             return getattr(importlib.import_module(module), attribute)
         except (ImportError, AttributeError) as error:
-            if name in own:
+            if name in self.built_in or name in self.described:
                 raise
             raise UserError(
                 f"the {self.what} {name} cannot be loaded from {address} ({error}); mend or uninstall its package"
             ) from error
+
+    def address(self, name: str) -> str:
+        """What the name stands for, as "module:attribute".
+
+        Raises:
+          UserError: if there is no such name.
+        """
+        address = self.built_in.get(name) or self.described.get(name) or self._of_packages().get(name)
+        if address is None:
+            raise UserError(f"no {self.what} is named {name}{nearest(name, self.names())}")
+        return address
 
     def _of_packages(self) -> dict[str, str]:
         from importlib.metadata import entry_points  # costs a start that needs only built-in names too much

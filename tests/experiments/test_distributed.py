@@ -14,7 +14,7 @@ import forked
 import pytest
 
 from tltlrl.errors import UserError
-from tltlrl.experiments import engine
+from tltlrl.experiments import scheduler
 
 SETTINGS = (
     "experiment=reach_avoid", "name=small", "seeds=3", "cases=[tltl_episodic]", "algorithm.iterations=150",
@@ -106,20 +106,20 @@ def test_a_scheduler_that_is_not_there_is_told(tmp_path):
 
 @pytest.mark.parametrize("who", ["silent", "worker"])
 def test_what_answers_but_is_no_scheduler_is_told(who, monkeypatch, request):
-    monkeypatch.setattr(engine, "SCHEDULER_SECONDS", 2)
+    monkeypatch.setattr(scheduler, "SCHEDULER_SECONDS", 2)
     if who == "silent":
         listener = socket.create_server(("127.0.0.1", 0))
         request.addfinalizer(listener.close)
         address, reason = f"tcp://127.0.0.1:{listener.getsockname()[1]}", ""
     else:
-        scheduler, _ = request.getfixturevalue("cluster")
+        there, _ = request.getfixturevalue("cluster")
         from distributed import Client
 
-        with Client(scheduler, set_as_default=False) as client:
+        with Client(there, set_as_default=False) as client:
             client.wait_for_workers(1, timeout=30)
             (address, *_), reason = client.scheduler_info()["workers"], "there is a Worker"
     with pytest.raises(UserError, match=rf"no scheduler answers at {address} \({reason}.*\); start one"):
-        engine.check_scheduler(address)
+        scheduler.check_scheduler(address)
 
 
 @pytest.mark.parametrize(("lowest", "code"), [("-8", 0), ("9", 1)])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from tltlrl.config.keys import Role, having, kept, machinery_defaults
 from tltlrl.config.machinery import Machinery
 from tltlrl.config.read import read, seeds_of
 from tltlrl.errors import UserError
-from tltlrl.experiments.engine import check_scheduler, run_all
+from tltlrl.experiments.engine import run_all
 from tltlrl.experiments.folder import empty, is_record, read_record, working_in
 from tltlrl.experiments.manifest import (
     end_session,
@@ -26,9 +26,11 @@ from tltlrl.experiments.manifest import (
     read_manifest,
     spec_name,
     start_session,
+    with_computed,
     with_start_of,
 )
 from tltlrl.experiments.progress import Progress
+from tltlrl.experiments.scheduler import check_scheduler
 from tltlrl.learning.policy import Policy
 from tltlrl.reports.motion import has_path
 from tltlrl.reports.plotting import FORMATS
@@ -84,6 +86,12 @@ def run_experiment(study: Study, machinery: Machinery, command: list[str]) -> bo
         if missing or before is None:  # otherwise nothing here is of this session, and the manifest stays as it is
             session = start_session(command)
             write_json(folder / MANIFEST, manifest(whole, before, session))
+
+        def computed(run: Run, machine: str) -> None:
+            nonlocal session
+            session = with_computed(session, f"{run.case.name}/seed_{run.seed}", machine)
+            write_json(folder / MANIFEST, manifest(whole, before, session))
+
         paths = [run_folder(folder, run) for run in missing]
         with Progress(
             [label(run) for run in missing],
@@ -95,7 +103,7 @@ def run_experiment(study: Study, machinery: Machinery, command: list[str]) -> bo
                 progress.say(note)
             if done:
                 progress.say(f"{done} of {done + len(missing)} runs were done before and are kept")
-            failures = compute(folder, study, machinery, missing, progress) if missing else {}
+            failures = compute(folder, study, machinery, missing, progress, computed) if missing else {}
             results = finished(folder, whole)
             for line in write_report(folder, whole, results, failures):
                 progress.say(line)
@@ -242,8 +250,22 @@ def open_calm(folder: Path) -> Policy | None:
         raise UserError(f"{folder}: {error}; start its tltl-run again, which computes anew what is damaged") from error
 
 
-def compute(folder: Path, study: Study, machinery: Machinery, missing: list[Run], progress: Progress) -> dict[str, str]:
+def compute(
+    folder: Path,
+    study: Study,
+    machinery: Machinery,
+    missing: list[Run],
+    progress: Progress,
+    computed: Callable[[Run, str], None],
+) -> dict[str, str]:
     """Computes runs; what failed, as case/seed_k => message.
+
+    Args:
+      folder: of the experiment.
+      study, machinery: what, and how.
+      missing: the runs.
+      progress: told of them.
+      computed: called with every run that has finished, and the machine that computed it.
 
     Raises:
       OSError: if files cannot be written, which the runs that are left could not either.
@@ -251,20 +273,22 @@ def compute(folder: Path, study: Study, machinery: Machinery, missing: list[Run]
     jobs = [(run, run_folder(folder, run).resolve()) for run in missing]
     failures: dict[str, str] = {}
 
-    def on_end(index: int, error: Exception | None) -> None:
+    def on_end(index: int, error: Exception | None, machine: str) -> None:
         run, path = jobs[index]
         if isinstance(error, OSError) and error.filename is not None:
             raise error
         if error is None and not (path / DONE).exists():
             error = UserError(f"its results are not in {path}; do the workers see the same files as this command?")
         progress.end(index, error)
-        if error is not None:
+        if error is None:
+            computed(run, machine)
+        else:
             failures[f"{run.case.name}/seed_{run.seed}"] = f"{type(error).__name__}: {error}"
 
     workers = min(machinery.workers or processors(), len(missing))
     progress.say(f"{len(missing)} runs of {study.algorithm.iterations} iterations into {folder}")
     try:
-        run_all(jobs, workers, machinery.address, progress.advance, on_end)
+        run_all(jobs, workers, machinery.address, progress.advance, on_end, progress.say)
     except KeyboardInterrupt:
         progress.say(f"stopped; what is done is kept in {folder}")
         raise

@@ -17,6 +17,7 @@ from tltlrl.config.compare import differences
 from tltlrl.config.keys import kept, machinery_defaults
 from tltlrl.errors import UserError
 from tltlrl.experiments.folder import read_record
+from tltlrl.experiments.origin import code_digest, processor
 from tltlrl.resources import spec_path
 from tltlrl.store.files import digest
 from tltlrl.store.layout import CONFIG, SPECS, START
@@ -38,9 +39,16 @@ def start_session(command: list[str]) -> dict[str, Any]:
         "python": platform.python_version(),
         "packages": _versions(),
         "git": _git(),
+        "code": code_digest("tltlrl"),
         "platform": platform.platform(),
-        "cpu": {"model": _cpu(), "count": os.cpu_count()},
+        "cpu": {"model": processor(), "count": os.cpu_count()},
+        "computed": {},
     }
+
+
+def with_computed(session: Mapping[str, Any], run: str, machine: str) -> dict[str, Any]:
+    """The session with one more run and the machine that computed its last iterations."""
+    return {**session, "computed": {**session["computed"], run: machine}}
 
 
 def end_session(session: Mapping[str, Any]) -> dict[str, Any]:
@@ -192,11 +200,3 @@ def _git() -> dict[str, Any] | None:
         return {"commit": git("rev-parse", "HEAD"), "dirty": bool(git("status", "--porcelain"))}
     except (OSError, subprocess.SubprocessError):
         return None
-
-
-def _cpu() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-        return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
-    except (OSError, StopIteration):
-        return platform.processor()
