@@ -19,6 +19,7 @@ from tltlrl.reports.sealed import read_curves, read_summary
 SMALL = (
     "experiment=reach_avoid", "name=small", "seeds=2", "cases=[tltl_episodic]", "trials=2",
     "algorithm.iterations=2", "algorithm.samples=6", "algorithm.epsilon=0.5", "task.steps=12", "workers=1",
+    "constants.goal_radius=9", "algorithm.calm=1",  # satisfied, so that there is a calm policy, too
 )  # fmt: skip
 RUN = "tltl_episodic/seed_1"
 
@@ -126,8 +127,8 @@ def a_byte_changed(path):
     path.write_bytes(content)
 
 
-def more_successes(path):
-    path.write_text(path.read_text().replace('"successes": 0', '"successes": 2'))
+def fewer_successes(path):
+    path.write_text(path.read_text().replace('"successes": 2', '"successes": 1'))
 
 
 def of_another_seed(path):
@@ -160,14 +161,15 @@ RUN_DAMAGES = [
         (f"{RUN}/progress.csv", damage, f"progress.csv is not as it was written; {AGAIN}")
         for damage in (emptied, cut, without_last_row, with_nan, with_text, with_other_digits)
     ),
-    (f"{RUN}/policy.npz", deleted, f"policy.npz is missing; {AGAIN}"),
+    *((f"{RUN}/{name}", deleted, f"{name} is missing; {AGAIN}") for name in ("policy.npz", "calm.npz")),
     *(
-        (f"{RUN}/policy.npz", damage, f"policy.npz is not as it was written; {AGAIN}")
+        (f"{RUN}/{name}", damage, f"{name} is not as it was written; {AGAIN}")
+        for name in ("policy.npz", "calm.npz")
         for damage in (emptied, cut, a_byte_changed)
     ),
     *(
         (f"{RUN}/done.json", damage, f"done.json is not as it was written; {AGAIN}")
-        for damage in (emptied, cut, more_successes)
+        for damage in (emptied, cut, fewer_successes)
     ),
     (f"{RUN}/done.json", of_another_seed, f"done.json is of another config, spec or seed; {AGAIN}"),
 ]
@@ -299,7 +301,7 @@ def test_curves_of_a_damaged_run_are_not_drawn(copy, name, damage, told):
 def test_a_damaged_summary_is_not_believed(copy):
     before, _ = read_summary(copy)
     path = copy / "summary.csv"
-    path.write_text(path.read_text().replace("-", ""))
+    path.write_text(path.read_text().replace("True", "False"))
     summary, notes = read_summary(copy)
     assert summary.equals(before)
     assert [note.partition(",")[0] for note in notes] == [f"{path} {ANOTHER}"]
