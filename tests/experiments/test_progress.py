@@ -47,6 +47,21 @@ def test_lines_are_at_least_half_a_minute_apart(tmp_path, monkeypatch):
     assert len(stream.getvalue().splitlines()) == 3  # 100 seconds
 
 
+def test_calm_batches_are_work_like_iterations(tmp_path, monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    stream = io.StringIO()
+    with Progress(["a", "b"], 20, tmp_path / "log.txt", stream=stream, calm=60) as bar:
+        for i in range(1, 62):  # one a second
+            now[0] += 1.0
+            bar.advance(0, i)
+        bar.end(0, None)
+    assert stream.getvalue().splitlines() == [
+        "0/2 done, 2 min 09 s left; a at calm batch 11/60",
+        "1/2 done, 1 min 01 s left; a finished",
+    ]
+
+
 def test_what_an_earlier_session_did_does_not_shorten_the_estimate(tmp_path, monkeypatch):
     now = [0.0]
     monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])

@@ -98,6 +98,7 @@ def run_experiment(study: Study, machinery: Machinery, command: list[str]) -> bo
             study.algorithm.iterations,
             folder / LOG,
             lambda index: standing_so_far(paths[index]),
+            calm=study.algorithm.calm,
         ) as progress:
             for note in [*notes, *damages]:
                 progress.say(note)

@@ -16,7 +16,7 @@ BAR = "{desc} {percentage:3.0f} % |{bar:8}| {remaining} left{postfix}"
 
 
 class Progress:
-    """Counts iterations over all runs and says what is done and what time is left."""
+    """Counts iterations, and the calm batches after them, over all runs; says what is done and what time is left."""
 
     def __init__(
         self,
@@ -25,10 +25,13 @@ class Progress:
         log: Path,
         standing: Callable[[int], str] = lambda _: "",
         stream: TextIO | None = None,
+        calm: int = 0,
     ) -> None:
         self._labels = labels
         self._standing = standing  # what there is to say of a run so far, by its index
         self._iterations = iterations
+        self._calm = calm  # batches; a run that violates its spec has none
+        self._steps = iterations + calm  # of one run
         self._done = [0] * len(labels)
         self._ended = 0
         self._failed = 0
@@ -44,7 +47,7 @@ class Progress:
         width = max(map(len, cases), default=0)
         self._bars: dict[str, Any] = {
             case: tqdm(
-                total=self._case.count(case) * iterations,
+                total=self._case.count(case) * self._steps,
                 desc=case.ljust(width),
                 position=place,
                 bar_format=BAR,
@@ -74,21 +77,26 @@ class Progress:
             except BrokenPipeError:  # whoever read it has seen enough; the runs go on, and the log has every line
                 self._stream = None
 
-    def advance(self, index: int, iteration: int) -> None:
-        """Run `index` has done `iteration` iterations."""
+    def advance(self, index: int, done: int) -> None:
+        """Run `index` has done so many iterations, or all of them and calm batches."""
         if self._done[index] == 0:
-            self._earlier[index] = iteration - 1
-        self._done[index] = iteration
+            self._earlier[index] = done - 1
+        self._done[index] = done
         self._count(index)
         case, now = self._case[index], time.monotonic()
         if self._on_terminal and now - self._shown[case] > BAR_SECONDS:
             self._shown[case] = now
             seed = self._labels[index].removeprefix(case).strip()
-            self._bars[case].set_postfix_str(f"{seed} at {iteration}/{self._iterations}{self._so_far(index)}")
+            self._bars[case].set_postfix_str(f"{seed} at {self._place(done, '')}{self._so_far(index)}")
         elif not self._on_terminal and now - self._last_line > LINE_SECONDS:
             self._last_line = now
-            at = f"{self._labels[index]} at iteration {iteration}/{self._iterations}{self._so_far(index)}"
+            at = f"{self._labels[index]} at {self._place(done, 'iteration ')}{self._so_far(index)}"
             self.say(f"{self._state()}; {at}")
+
+    def _place(self, done: int, unit: str) -> str:
+        if done > self._iterations:
+            return f"calm batch {done - self._iterations}/{self._calm}"
+        return f"{unit}{done}/{self._iterations}"
 
     def _so_far(self, index: int) -> str:
         said = self._standing(index)
@@ -104,7 +112,7 @@ class Progress:
         """Run `index` has ended."""
         self._ended += 1
         if error is None:
-            self._done[index] = self._iterations
+            self._done[index] = self._steps
             self._count(index)
             self.say(f"{self._state()}; {self._labels[index]} finished")
         else:
@@ -113,7 +121,7 @@ class Progress:
 
     def _state(self) -> str:
         done = sum(self._done) - sum(self._earlier)
-        remaining = len(self._labels) * self._iterations - sum(self._done)
+        remaining = len(self._labels) * self._steps - sum(self._done)
         elapsed = time.monotonic() - self._start
         left = f", {_duration(elapsed / done * remaining)} left" if done and remaining else ""
         failed = f", {self._failed} failed" if self._failed else ""

@@ -71,7 +71,7 @@ def train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
     Args:
       run: what to do.
       folder: where; a run that was stopped is resumed from the checkpoint in it.
-      report: called with the number of finished iterations.
+      report: called with the number of finished iterations, and further on with that of calm batches added.
 
     Raises:
       ValueError: if a return is not a number, or a learner's diagnostics change; the folder keeps what was done.
@@ -179,14 +179,16 @@ def _train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
     results = judge(run, setup, policy)
     calm = None
     if run.algorithm.calm and results["satisfied"]:
-        done = _simplify(run, setup, policy, results["robustness_policy"], folder)
+        done = _simplify(run, setup, policy, results["robustness_policy"], folder, report)
         calm = calm_policy(policy, done)
         cost = {"batches": done.batches, "episodes": done.episodes, "env_steps": done.env_steps}
         results["calm"] = judge(run, setup, calm) | cost
     write_results(folder, identity, arrays_of(policy), results, None if calm is None else arrays_of(calm))
 
 
-def _simplify(run: Run, setup: Setup, policy: Policy, robustness: float, folder: Path) -> Calm:
+def _simplify(
+    run: Run, setup: Setup, policy: Policy, robustness: float, folder: Path, report: Callable[[int], None]
+) -> Calm:
     """The calm motion of a learned policy whose mean motion has this robustness; goes on where it was stopped."""
     identity = run.identity() + digest(policy.mean.tobytes())
     start = calm = begin(setup, policy)
@@ -197,6 +199,7 @@ def _simplify(run: Run, setup: Setup, policy: Policy, robustness: float, folder:
     last_checkpoint = time.monotonic()
     asked = run.algorithm
     for calm in simplified(run, setup, policy, robustness, asked.calm_share, asked.calm, start):
+        report(asked.iterations + calm.batches)
         if time.monotonic() - last_checkpoint > CHECKPOINT_SECONDS:
             write_calm_checkpoint(folder, identity, arrays_of(calm))
             last_checkpoint = time.monotonic()
