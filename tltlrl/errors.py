@@ -19,6 +19,11 @@ def printable(name: object, width: int = 80) -> str:
     return text if len(text) <= width else f"{text[:width]}..."
 
 
+def shown(text: str) -> str:
+    """Lines as a terminal may show them, whatever names from files and folders they hold: no control characters."""
+    return "\n".join("".join(c if c.isprintable() or c == "\t" else "?" for c in line) for line in text.split("\n"))
+
+
 def nearest(name: object, valid: Iterable[object]) -> str:
     """'; did you mean ...?' with the closest valid name, or '; there are: ...' if none is close, or nothing at all."""
     names = sorted(map(printable, valid))

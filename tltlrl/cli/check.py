@@ -10,7 +10,7 @@ from typing import Any, TextIO
 
 import numpy as np
 
-from tltlrl.errors import UserError
+from tltlrl.errors import UserError, shown
 from tltlrl.logic import Explanation, Spec, load_spec
 from tltlrl.logic.trace import Arrays, Recording, columns, read_recording
 from tltlrl.logic.traps import unequal_scales
@@ -109,21 +109,21 @@ def check(
         _check_picture(Path(plot), trace_path)
     spec = read_spec(str(path), constants)
     if trace_path is None:
-        print(described(spec), file=out)
+        print(shown(described(spec)), file=out)
         return 0
     recording = read_recording(trace_path)
     if spec.counts_seconds:
         spec = as_sampled(spec, recording)
-    print(described(spec), file=out)
+    print(shown(described(spec)), file=out)
     signals = recording.signals(spec.signals, names)
     (why,) = spec.explain(signals)
     steps = next(iter(signals.values())).shape[1]
-    print(judged(why, f"{trace_path}, {steps} samples", warnings(spec, signals)), file=out)
+    print(shown(judged(why, f"{trace_path}, {steps} samples", warnings(spec, signals))), file=out)
     if plot is not None:
         from tltlrl.reports.trace import draw  # Matplotlib takes longer than the rest of the command
 
         draw(spec, signals, why, plot)
-        print(f"picture      {plot}", file=out)
+        print(shown(f"picture      {plot}"), file=out)
     return 0 if why.satisfied else 1
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import binomtest
 
-from tltlrl.errors import UserError
+from tltlrl.errors import UserError, shown
 from tltlrl.experiments.experiment import open_calm, open_run
 from tltlrl.learning.policy import Policy
 from tltlrl.logic import Spec, load_spec
@@ -50,7 +50,7 @@ def run(arguments: Namespace) -> int:
     if not 1 <= arguments.trials <= MOST_TRIALS or arguments.seed < 0:
         raise UserError(f"--trials must lie between 1 and {MOST_TRIALS}, and --seed be at least 0")
     learned, policy = open_run(arguments.run)
-    calm = open_calm(arguments.run)
+    calm = open_calm(learned, arguments.run)
     if calm is not None:
         print("the learned policy")
     _tell(learned, policy, arguments)
@@ -60,7 +60,7 @@ def run(arguments: Namespace) -> int:
     if arguments.trace is not None:
         rng = np.random.default_rng(arguments.seed)
         write_traces(arguments.trace, learned, motions(learned, policy, arguments.samples, rng))
-        print(f"explained by: {check_command(learned.spec, arguments.trace)}")
+        print(shown(f"explained by: {check_command(learned.spec, arguments.trace)}"))
     return 0
 
 
@@ -96,7 +96,7 @@ def write_traces(path: Path, run: Run, moved: Motions) -> None:
     for i, (length, robustness) in enumerate(zip(moved.lengths, moved.robustness, strict=True)):
         own = path if i == 0 else path.with_name(f"{path.stem}_{i}{path.suffix}")
         write_recording(own, {name: values[i, :length] for name, values in moved.signals.items()}, period)
-        print(f"{own}: {'the learned motion' if i == 0 else 'a sampled motion'}, robustness {robustness:+.6g}")
+        print(shown(f"{own}: {'the learned' if i == 0 else 'a sampled'} motion, robustness {robustness:+.6g}"))
 
 
 def check_command(spec: Spec, trace: Path) -> str:

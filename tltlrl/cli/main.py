@@ -6,12 +6,13 @@ Each command is a module beside this one, imported when it is chosen and not bef
 from __future__ import annotations
 
 import argparse
+import contextlib
 import importlib
 import os
 import sys
 from collections.abc import Callable
 
-from tltlrl.errors import UserError
+from tltlrl.errors import UserError, shown
 
 COMMANDS = {
     "check": "check a spec and, with a trace, print robustness, verdict and explanation",
@@ -83,28 +84,59 @@ def _render_nothing() -> None:
 
 def _told(name: str, arguments: list[str], command: Callable[[], int]) -> int:
     """Runs a command; what its user has to mend becomes one message and exit code 2, Ctrl-C one and 130."""
+    _standard_streams()
     try:
         return mistakes_told(name, command)
     except KeyboardInterrupt:
         without = " without overwrite=true" if "overwrite=true" in arguments else ""
-        print(f"{name}: stopped; the same command{without} goes on from what is done", file=sys.stderr)
+        _say(f"{name}: stopped; the same command{without} goes on from what is done")
         return 130
 
 
 def mistakes_told(name: str, command: Callable[[], int]) -> int:
     """Runs a command; what its user has to mend becomes one message and exit code 2."""
     try:
-        return command()
+        code = command()
+        sys.stdout.flush()  # what cannot be written is told here, and not by the interpreter's end
+        return code
     except BrokenPipeError:  # whoever read the output has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except (UserError, MemoryError, FloatingPointError) as error:  # the last: a simulation that diverged
-        print(f"{name}: {error}", file=sys.stderr)
+    except (UserError, FloatingPointError) as error:  # the latter: a simulation that diverged
+        _say(f"{name}: {error}")
+    except RecursionError:
+        _say(f"{name}: a file or a value that was given is nested too deeply")
     except OSError as error:
         where = f"{error.filename}: " if error.filename is not None else ""
-        print(
+        _say(
             f"{name}: {where}{error.strerror or error}; see to the disk or the folder and start the command again: "
-            "what is done is kept",
-            file=sys.stderr,
+            "what is done is kept"
         )
+    except Exception as error:
+        if not _for_want_of_memory(error):
+            raise
+        _say(f"{name}: there is not enough memory{f' ({error})' if str(error) else ''}; what is done is kept")
     return 2
+
+
+def _for_want_of_memory(error: Exception) -> bool:
+    """Libraries that cannot be loaded, and MuJoCo, say so in words of their own."""
+    words = ("allocate memory", "failed to map segment", "unable to allocate", "out of memory")
+    return isinstance(error, MemoryError) or any(part in str(error).lower() for part in words)
+
+
+def _say(line: str) -> None:
+    """One message; where standard error cannot be written to, the exit code has to do."""
+    with contextlib.suppress(OSError):
+        print(shown(line), file=sys.stderr)
+
+
+def _standard_streams() -> None:
+    """A command that was started with a closed standard stream writes that to nowhere, and nothing into other files."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest number, which is this one
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(number, "w" if number else "r", closefd=False))  # noqa: SIM115

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from argparse import ArgumentParser, Namespace
 
+from tltlrl.errors import shown
 from tltlrl.reports.plotting import FORMATS, plot_learning_curves, stem, titled
 from tltlrl.reports.sealed import read_curves
 from tltlrl.resources import user_path
@@ -31,8 +32,8 @@ def run(arguments: Namespace) -> int:
     found = [read_curves(folder) for folder in arguments.experiments]
     for _, notes in found:
         for note in notes:
-            print(f"tltl: {note}", file=sys.stderr)
+            print(shown(f"tltl: {note}"), file=sys.stderr)
     experiments = [curves for curves, _ in found]
     plot_learning_curves(titled(arguments.experiments, experiments), output)
-    print(", ".join(f"{output}{suffix}" for suffix in FORMATS))
+    print(shown(", ".join(f"{output}{suffix}" for suffix in FORMATS)))
     return 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
 
+from tltlrl.errors import shown
 from tltlrl.experiments.experiment import open_calm, open_run
 from tltlrl.reports.strips import draw_strips
 from tltlrl.reports.video import render_motion
@@ -24,22 +25,21 @@ def run(arguments: Namespace) -> int:
     Raises:
       UserError: if there is no finished run, or nothing can be rendered on this machine.
     """
-    learned, policy = open_run(arguments.run)
+    asked, learned = open_run(arguments.run)
     folder = arguments.output or arguments.run
     folder.mkdir(parents=True, exist_ok=True)
-    calm = open_calm(arguments.run)
-    for shown, workspace, strips, motion in (
-        (policy, WORKSPACE, "over_time", "motion"),
-        (calm, CALM_WORKSPACE, "over_time_calm", "motion_calm"),
+    for policy, workspace, strips, motion in (
+        (learned, WORKSPACE, "over_time", "motion"),
+        (open_calm(asked, arguments.run), CALM_WORKSPACE, "over_time_calm", "motion_calm"),
     ):
-        if shown is None:
+        if policy is None:
             continue
-        of = " of the calm policy" if shown is calm else ""
-        if can_draw(learned):
-            draw_workspace(learned, shown, folder / workspace)
-            print(f"{folder}/{workspace}.png, .pdf: the paths{of}")
-        draw_strips(learned, shown, folder / strips)
-        print(f"{folder}/{strips}.png, .pdf: path, commands and clauses{of} over time")
-        render_motion(learned, shown, folder / motion)
-        print(f"{folder}/{motion}.gif: the motion{of}; {motion}.png: frames of it")
+        of = "" if policy is learned else " of the calm policy"
+        if can_draw(asked):
+            draw_workspace(asked, policy, folder / workspace)
+            print(shown(f"{folder}/{workspace}.png, .pdf: the paths{of}"))
+        draw_strips(asked, policy, folder / strips)
+        print(shown(f"{folder}/{strips}.png, .pdf: path, commands and clauses{of} over time"))
+        render_motion(asked, policy, folder / motion)
+        print(shown(f"{folder}/{motion}.gif: the motion{of}; {motion}.png: frames of it"))
     return 0

@@ -16,6 +16,7 @@ from tltlrl.config.compare import flatten
 from tltlrl.errors import UserError, module_of, nearest
 from tltlrl.registry import TASKS
 from tltlrl.resources import CONFIGS, user_path
+from tltlrl.store.bounded import BoundsError, check_yaml
 
 GROUPS = ("experiment", "task", "reward", "algorithm", "engine")  # chosen by the name of a file in configs/
 TEXTS = ("name", "spec", "runs_dir", "policy", "algorithm.policy")  # whatever is written there is the value
@@ -152,12 +153,17 @@ def searchpath(config_dir: Path | None) -> list[str]:
     """The overrides that make Hydra look for files in a folder, too.
 
     Raises:
-      UserError: if there is no such folder.
+      UserError: if there is no such folder, or a file in it is out of bounds.
     """
     if config_dir is None:
         return []
     if not config_dir.is_dir():
         raise UserError(f"--config-dir {config_dir}: there is no such folder")
+    for path in (*config_dir.glob("*.yaml"), *config_dir.glob("*/*.yaml")):  # Hydra would unfold whatever is in it
+        try:
+            check_yaml(path)
+        except BoundsError as error:
+            raise UserError(f"{path}: {error}; delete it, or what makes it so large") from error
     return [f"hydra.searchpath=[{quoted(f'file://{config_dir.resolve()}')}]"]
 
 

@@ -33,16 +33,17 @@ from tltlrl.experiments.progress import Progress
 from tltlrl.experiments.scheduler import check_scheduler
 from tltlrl.learning.policy import Policy
 from tltlrl.reports.motion import has_path
-from tltlrl.reports.plotting import FORMATS
+from tltlrl.reports.plotting import FORMATS, shows
 from tltlrl.reports.report import write_report
 from tltlrl.reports.workspace import draw_workspace
 from tltlrl.store import layout
+from tltlrl.store.bounded import read_yaml
 from tltlrl.store.clauses import standing_so_far
 from tltlrl.store.files import clear_leftovers, digest, write_bytes, write_json, write_text
 from tltlrl.store.layout import CALM, CALM_WORKSPACE, CONFIG, DONE, LOG, MANIFEST, POLICY, SPECS, START, WORKSPACE
 from tltlrl.store.run import DamagedError, read_checkpoint, read_results, shelve_checkpoint
 from tltlrl.training.build import cut_windows, make_task
-from tltlrl.training.session import learned_policy, shorter_run
+from tltlrl.training.session import check_policy, learned_policy, shorter_run
 from tltlrl.training.study import Run, Study, with_later
 
 ITERATIONS = "algorithm.iterations"  # more of them go on where fewer have ended
@@ -148,7 +149,7 @@ def survey(folder: Path, study: Study) -> tuple[list[Run], int, list[str]]:
     A run whose files are damaged is computed again: to the same bytes, since it depends on nothing but its `Run`.
     """
     missing, damages = [], []
-    runs = study.runs()
+    runs, task = study.runs(), make_task(study.task)
     for run in runs:
         path = run_folder(folder, run)
         try:
@@ -156,6 +157,7 @@ def survey(folder: Path, study: Study) -> tuple[list[Run], int, list[str]]:
                 missing.append(run)
                 read_checkpoint(path, run.identity())
             else:
+                check_policy(task, learned_policy(path))
                 shelve_checkpoint(path)  # killed between its last two steps
         except DamagedError as error:
             if shorter := shorter_run(run, path):
@@ -170,11 +172,12 @@ def survey(folder: Path, study: Study) -> tuple[list[Run], int, list[str]]:
 
 def finished(folder: Path, study: Study) -> dict[Path, dict[str, Any]]:
     """Folder => content of done.json of every finished run, in the order of the tables."""
-    results = {}
+    results, task = {}, make_task(study.task)
     for run in study.runs():
         path = run_folder(folder, run)
         with contextlib.suppress(DamagedError):  # it was to be computed again, and that failed
             if (content := read_results(path, run.identity())) is not None:
+                check_policy(task, learned_policy(path))
                 results[path] = content
     return results
 
@@ -182,7 +185,7 @@ def finished(folder: Path, study: Study) -> dict[Path, dict[str, Any]]:
 def draw_cases(folder: Path, study: Study, results: Mapping[Path, Mapping[str, Any]]) -> None:
     """The workspace of every case, if the task has one: the seed with the median robustness of the mean policy.
 
-    Pictures that are younger than all policies of their case stay.
+    Pictures that are whole and of this seed's policies stay.
     """
     if not has_path(make_task(study.task), study.spec):
         return
@@ -190,24 +193,22 @@ def draw_cases(folder: Path, study: Study, results: Mapping[Path, Mapping[str, A
         clear_leftovers(folder / case.name)
         runs = {run_folder(folder, run): run for run in study.runs() if run.case == case}
         done = sorted((path for path in runs if path in results), key=lambda path: results[path]["robustness_policy"])
-        pictures = [folder / case.name / f"{WORKSPACE}{suffix}" for suffix in FORMATS]
-        if done and min(map(_written, pictures)) <= max(_written(path / POLICY) for path in done):
-            median = done[(len(done) - 1) // 2]
-            draw_workspace(runs[median], learned_policy(median), folder / case.name / WORKSPACE)
-            clear_pictures(folder / case.name / CALM_WORKSPACE)
-            if (calm := open_calm(median)) is not None:
-                draw_workspace(runs[median], calm, folder / case.name / CALM_WORKSPACE)
+        if not done:
+            continue
+        median = done[(len(done) - 1) // 2]
+        calm = open_calm(runs[median], median)
+        for policy, file, name in ((learned_policy(median), POLICY, WORKSPACE), (calm, CALM, CALM_WORKSPACE)):
+            path = folder / case.name / name
+            if policy is None:
+                clear_pictures(path)
+            elif not shows(path, source := digest((median / file).read_bytes())):
+                draw_workspace(runs[median], policy, path, source=source)
 
 
 def clear_pictures(path: Path) -> None:
     """Deletes a picture in all its formats, if there is one."""
     for suffix in FORMATS:
         path.with_name(f"{path.name}{suffix}").unlink(missing_ok=True)
-
-
-def _written(path: Path) -> float:
-    """When a file was; 0 if there is none, or nothing in it."""
-    return path.stat().st_mtime if path.exists() and path.stat().st_size else 0.0
 
 
 def open_run(folder: Path) -> tuple[Run, Policy]:
@@ -219,7 +220,7 @@ def open_run(folder: Path) -> tuple[Run, Policy]:
     above = folder.resolve().parent.parent
     advice = "give one like runs/reach_avoid/tltl_episodic/seed_0"
     try:
-        settings = yaml.safe_load((above / CONFIG).read_text(encoding="utf-8"))
+        settings = read_yaml(above / CONFIG)
         settings["spec"] = str(_spec_copy(above, settings["spec"]))
         settings = with_start_of(above, settings)
         policy = learned_policy(folder)
@@ -231,6 +232,7 @@ def open_run(folder: Path) -> tuple[Run, Policy]:
         if run_folder(above, run) == folder.resolve():
             try:
                 read_results(folder, run.identity())
+                check_policy(make_task(run.task), policy)
             except DamagedError as error:
                 raise UserError(
                     f"{folder}: {error}; start its tltl-run again, which computes anew what is damaged"
@@ -239,14 +241,18 @@ def open_run(folder: Path) -> tuple[Run, Policy]:
     raise UserError(f"{folder}: {above / CONFIG} knows no such case and seed")
 
 
-def open_calm(folder: Path) -> Policy | None:
+def open_calm(run: Run, folder: Path) -> Policy | None:
     """The calm policy of a finished run that `open_run` has read; None if it has none.
 
     Raises:
       UserError: if its file cannot be read.
     """
     try:
-        return learned_policy(folder, CALM) if (folder / CALM).exists() else None
+        if not (folder / CALM).exists():
+            return None
+        calm = learned_policy(folder, CALM)
+        check_policy(make_task(run.task), calm)
+        return calm
     except DamagedError as error:
         raise UserError(f"{folder}: {error}; start its tltl-run again, which computes anew what is damaged") from error
 

@@ -11,6 +11,7 @@ from typing import Any
 import yaml
 
 from tltlrl.errors import UserError
+from tltlrl.store.bounded import read_yaml
 from tltlrl.store.layout import LOCK
 from tltlrl.store.lock import BusyError, held
 
@@ -32,7 +33,7 @@ def working_in(folder: Path) -> Iterator[None]:
 def read_record(file: Path, keys: Collection[str]) -> dict[str, Any] | None:
     """What a YAML file says that has exactly these keys; None if there is no such file."""
     try:
-        content = yaml.safe_load(file.read_text(encoding="utf-8"))
+        content = read_yaml(file)
     except (OSError, ValueError, yaml.YAMLError):  # ValueError: not UTF-8
         return None
     return content if is_record(content, keys) else None

@@ -19,6 +19,7 @@ from tltlrl.errors import UserError
 from tltlrl.experiments.folder import read_record
 from tltlrl.experiments.origin import code_digest, processor
 from tltlrl.resources import spec_path
+from tltlrl.store.bounded import read_json
 from tltlrl.store.files import digest
 from tltlrl.store.layout import CONFIG, SPECS, START
 from tltlrl.training.study import Study, with_later
@@ -104,7 +105,7 @@ def intact(content: Mapping[str, Any]) -> bool | None:
 def read_manifest(path: Path) -> dict[str, Any] | None:
     """manifest.json as it is; None if there is none, or none that was written whole."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = read_json(path)
     except (OSError, ValueError):
         return None
     whole = (

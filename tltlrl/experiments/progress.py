@@ -10,6 +10,8 @@ from typing import Any, TextIO
 
 from tqdm import tqdm
 
+from tltlrl.errors import shown
+
 LINE_SECONDS = 30.0
 BAR_SECONDS = 1.0
 BAR = "{desc} {percentage:3.0f} % |{bar:8}| {remaining} left{postfix}"
@@ -68,13 +70,14 @@ class Progress:
 
     def say(self, line: str) -> None:
         """One line on the terminal and, with the time of day, in the log file."""
+        line = shown(line)
         print(time.strftime("%Y-%m-%d %H:%M:%S"), line, file=self._log, flush=True)
         if self._on_terminal:
             tqdm.write(line, file=self._stream)
         elif self._stream is not None:
             try:
                 print(line, file=self._stream, flush=True)
-            except BrokenPipeError:  # whoever read it has seen enough; the runs go on, and the log has every line
+            except OSError:  # nobody reads it any more, or its disk is full; the runs go on, and the log has every line
                 self._stream = None
 
     def advance(self, index: int, done: int) -> None:

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -16,7 +15,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from tltlrl.errors import UserError
-from tltlrl.reports.plotting import FONT, LABELS, save
+from tltlrl.reports.plotting import LABELS, own_style, save
 from tltlrl.store.clauses import BEST, CLAUSE, DECIDES, MEAN, MET, NAME, column, parts_in
 from tltlrl.store.layout import CLAUSES, run_of
 from tltlrl.store.run import whole_lines
@@ -140,7 +139,7 @@ def stuck_lines(
 
 def plot_clauses(cases: Mapping[str, Mapping[int, Standing]], path: Path) -> None:
     """The figure of the clauses, as path.png and path.pdf; `path` is without suffix. See `clauses_figure`."""
-    with mpl.rc_context(FONT):
+    with own_style():
         save(clauses_figure(cases), path)
 
 
@@ -156,7 +155,7 @@ def clauses_figure(cases: Mapping[str, Mapping[int, Standing]]) -> Figure:
     clauses = _most(first.clauses, [(mean, CLAUSE) for mean in means.values()])
     names = _most(first.names, [(mean, NAME) for mean in means.values()])
     columns = 3 if names else 2
-    with mpl.rc_context(FONT):
+    with own_style():
         figure = Figure(figsize=(3.4 * columns, 1.6 + 0.18 * max(len(clauses), len(names)) + 1.9 * len(cases)))
         figure.set_layout_engine("constrained")
         grid = figure.subplots(len(cases), columns, squeeze=False, sharex="col")

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +42,10 @@ PANELS = {  # what is drawn of learning_curves.csv
     "robustness_policy": "mean policy, without noise",
 }
 FONT: dict[Any, Any] = {"font.size": 9, "axes.titlesize": 9, "legend.fontsize": 8, "pdf.fonttype": 42}
-FORMATS = {".png": {"Software": None}, ".pdf": {"CreationDate": None}}  # without what differs between two savings
+# Without what differs between two savings.
+FORMATS: dict[str, dict[str, str | None]] = {".png": {"Software": None}, ".pdf": {"CreationDate": None}}
+SOURCE = {".png": "Source", ".pdf": "Subject"}  # the words of the formats for where a picture is from
+END = {".png": b"IEND\xaeB`\x82", ".pdf": b"%%EOF"}
 DETAIL = 3.0  # a second row of panels reaches this many times as far below 0 as the best curve above,
 NEEDED = 6.0  # where the worst curve goes this many times as far
 
@@ -57,6 +61,15 @@ def titled(folders: Sequence[Path], experiments: Sequence[pd.DataFrame]) -> dict
     return dict(zip(titles, experiments, strict=True))
 
 
+@contextlib.contextmanager
+def own_style() -> Iterator[None]:
+    """Figures are the same whatever a user's matplotlibrc says."""
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(FONT)
+        yield
+
+
 def plot_learning_curves(experiments: Mapping[str, pd.DataFrame], path: Path) -> None:
     """The figure of the learning curves, as path.png and path.pdf.
 
@@ -64,7 +77,7 @@ def plot_learning_curves(experiments: Mapping[str, pd.DataFrame], path: Path) ->
       experiments: title => learning_curves.csv.
       path: without suffix.
     """
-    with mpl.rc_context(FONT):
+    with own_style():
         save(curves_figure(experiments), path)
 
 
@@ -77,7 +90,7 @@ def curves_figure(experiments: Mapping[str, pd.DataFrame]) -> Figure:
     Args:
       experiments: title => learning_curves.csv.
     """
-    with mpl.rc_context(FONT):
+    with own_style():
         near = {title: _near_zero(curves, "robustness_mean") for title, curves in experiments.items()}
         rows, columns = 2 + any(near.values()), len(experiments)
         figure = Figure(figsize=(0.5 + 5.0 * columns, 1.7 + 2.5 * rows), layout="constrained")
@@ -144,14 +157,37 @@ def stem(path: Path) -> Path:
     return path
 
 
-def save(figure: Figure, path: Path) -> None:
-    """path.png and path.pdf, the same bytes for the same figure."""
+def save(figure: Figure, path: Path, source: str = "") -> None:
+    """path.png and path.pdf, the same bytes for the same figure.
+
+    Args:
+      figure: to be saved.
+      path: without suffix.
+      source: of what it shows, such as a digest, kept in the files; see `shows`.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     for suffix, metadata in FORMATS.items():
         buffer = io.BytesIO()
-        figure.savefig(buffer, format=suffix[1:], dpi=200, metadata=metadata)
+        told = {SOURCE[suffix]: source} if source else {}
+        figure.savefig(buffer, format=suffix[1:], dpi=200, metadata=metadata | told)
         figure.set_layout_engine("none")  # laid out once: the same picture in every format
         write_bytes(path.with_name(path.name + suffix), buffer.getvalue())
+
+
+def shows(path: Path, source: str) -> bool:
+    """Whether path.png and path.pdf are there, whole, and pictures of this source.
+
+    Args:
+      path: without suffix.
+      source: as given to `save`.
+    """
+    try:
+        contents = {suffix: path.with_name(path.name + suffix).read_bytes() for suffix in FORMATS}
+    except OSError:
+        return False
+    return all(content.rstrip().endswith(END[suffix]) for suffix, content in contents.items()) and all(
+        source.encode() in content for content in contents.values()
+    )
 
 
 def draw_curves(axes: mpl.axes.Axes, curves: pd.DataFrame, measure: str) -> None:

@@ -6,14 +6,13 @@ import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tltlrl.learning.policy import Policy
 from tltlrl.reports.motion import Motion, Watched, watch
-from tltlrl.reports.plotting import FONT, save
+from tltlrl.reports.plotting import own_style, save
 from tltlrl.reports.workspace import TIME, WIDTH, draw_path, draw_regions, title_of, views_of
 from tltlrl.simulation.rollout import Simulator
 from tltlrl.tasks.task import Task
@@ -29,7 +28,7 @@ COMMANDS: list[dict[str, str]] = [
 
 def draw_strips(run: Run, policy: Policy, path: Path) -> None:
     """The motion over time, as path.png and path.pdf; `path` is without suffix. See `strips_figure`."""
-    with mpl.rc_context(FONT):
+    with own_style():
         save(strips_figure(run, policy), path)
 
 
@@ -44,7 +43,7 @@ def strips_figure(run: Run, policy: Policy) -> Figure:
     motion = watch(task, run.spec, policy, Simulator(task))
     views = [] if motion.path is None else views_of(motion.path)
     clauses = dict(list(motion.clauses.items())[:MOST_CLAUSES])
-    with mpl.rc_context(FONT):
+    with own_style():
         heights = [*[1.5] * len(views), 1.1, *[0.75] * len(clauses)]
         figure = Figure(figsize=(WIDTH, sum(heights) + 1.6), layout="constrained")
         rows = figure.add_gridspec(len(heights), 1, height_ratios=heights)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import itertools
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from tltlrl.learning.policy import Policy
 from tltlrl.logic import Region, Spec
 from tltlrl.simulation.rollout import Simulator
 from tltlrl.simulation.trials import mean_motion
+from tltlrl.store.files import write_bytes
 from tltlrl.tasks.environment import environment
 from tltlrl.tasks.task import Task
 from tltlrl.training.build import make_evaluation_task
@@ -46,14 +48,17 @@ def render_motion(run: Run, policy: Policy, path: Path) -> None:
     task = make_evaluation_task(run.task)
     frames = motion_frames(task, run.spec, policy)
     pictures = [Image.fromarray(frame).quantize(128) for frame in frames]
+    film = io.BytesIO()
     pictures[0].save(
-        path.with_suffix(".gif"),
+        film,
+        format="GIF",
         save_all=True,
         append_images=pictures[1:],
         duration=1000 * task.control_timestep,
         loop=0,
     )
-    film_strip(frames, task.control_timestep).save(path.with_suffix(".png"))
+    write_bytes(path.with_suffix(".gif"), film.getvalue())
+    _save(film_strip(frames, task.control_timestep), path.with_suffix(".png"))
 
 
 def render_start(task: Task, path: Path) -> None:
@@ -70,7 +75,14 @@ def render_start(task: Task, path: Path) -> None:
     env.reset()
     option = MjvOption()
     option.frame = mujoco.mjtFrame.mjFRAME_WORLD.value
-    Image.fromarray(_frame(env.physics, task.camera, [], option)).save(path)
+    _save(Image.fromarray(_frame(env.physics, task.camera, [], option)), path)
+
+
+def _save(picture: Image.Image, path: Path) -> None:
+    """A .png file, whole or not at all."""
+    content = io.BytesIO()
+    picture.save(content, format="PNG")
+    write_bytes(path, content.getvalue())
 
 
 def film_strip(frames: list[Frame], timestep: float) -> Image.Image:

@@ -21,7 +21,7 @@ from tltlrl.learning.policy import Policy
 from tltlrl.logic import Region
 from tltlrl.reports.labels import Label, place
 from tltlrl.reports.motion import Motion, entries, has_path, path_of, watch
-from tltlrl.reports.plotting import FONT, LABELS, save
+from tltlrl.reports.plotting import LABELS, own_style, save
 from tltlrl.simulation.rollout import Simulator
 from tltlrl.tasks.task import Task
 from tltlrl.training.build import make_task
@@ -41,10 +41,10 @@ def can_draw(run: Run) -> bool:
     return has_path(make_task(run.task), run.spec)
 
 
-def draw_workspace(run: Run, policy: Policy, path: Path, count: int = 20) -> None:
-    """The learned motion, as path.png and path.pdf; `path` is without suffix. See `workspace_figure`."""
-    with mpl.rc_context(FONT):
-        save(workspace_figure(run, policy, count), path)
+def draw_workspace(run: Run, policy: Policy, path: Path, count: int = 20, source: str = "") -> None:
+    """The learned motion, as path.png and path.pdf; `path` is without suffix. See `workspace_figure` and `save`."""
+    with own_style():
+        save(workspace_figure(run, policy, count), path, source)
 
 
 def workspace_figure(run: Run, policy: Policy, count: int = 20) -> Figure:
@@ -64,7 +64,7 @@ def workspace_figure(run: Run, policy: Policy, count: int = 20) -> Figure:
     assert motion.path is not None
     views = views_of(motion.path)
 
-    with mpl.rc_context(FONT):
+    with own_style():
         figure = Figure(figsize=(WIDTH, HEIGHT))
         caption = _caption(task, motion, run, count)
         low = (0.62 + 0.13 * (1 + caption.count("\n"))) / HEIGHT

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tltlrl.store.bounded import read_json
 from tltlrl.store.files import digest, read_arrays, write_arrays, write_json
 from tltlrl.store.layout import (
     CALM,
@@ -88,13 +89,15 @@ def read_results(folder: Path, identity: str | None = None) -> dict[str, Any] | 
       DamagedError: if a file is missing, or is not as it was written, or belongs to another run.
     """
     try:
-        text = (folder / DONE).read_text(encoding="utf-8")
+        content = read_json(folder / DONE)
     except FileNotFoundError:
         return None
+    except json.JSONDecodeError as error:
+        raise DamagedError(f"{DONE} is not as it was written") from error
     except UNREADABLE as error:
         raise DamagedError(f"{DONE} cannot be read ({error})") from error
     try:
-        results: dict[str, Any] = json.loads(text)
+        results: dict[str, Any] = dict(content)
         seals = results.pop(SEAL)
         found = _seals(folder, seals[RUN] if identity is None else identity, results, CLAUSES in seals)
         wrong = [name for name, value in found.items() if seals[name] != value]
@@ -201,7 +204,7 @@ def shelve_checkpoint(folder: Path) -> None:
 def iterations_done(folder: Path) -> int | None:
     """Of a finished run; None if it is not finished, or done.json cannot be read."""
     try:
-        return int(json.loads((folder / DONE).read_text(encoding="utf-8"))["iterations"])
+        return int(read_json(folder / DONE)["iterations"])
     except UNREADABLE:
         return None
 

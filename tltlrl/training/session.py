@@ -35,7 +35,8 @@ from tltlrl.store.run import (
     write_checkpoint,
     write_results,
 )
-from tltlrl.training.build import Setup, first_policy, make_learner, policy_of, refined_policy, set_up
+from tltlrl.tasks.task import Task
+from tltlrl.training.build import Setup, first_policy, make_learner, make_task, policy_of, refined_policy, set_up
 from tltlrl.training.calm import Calm, begin, calm_policy, simplified
 from tltlrl.training.loop import iterate
 from tltlrl.training.study import Run
@@ -82,6 +83,7 @@ def train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
             clear_leftovers(folder)
             with contextlib.suppress(DamagedError):
                 if read_results(folder, run.identity()) is not None:
+                    check_policy(make_task(run.task), learned_policy(folder))
                     shelve_checkpoint(folder)
                     return
             if shorter := shorter_run(run, folder):
@@ -283,3 +285,19 @@ def learned_policy(folder: Path, name: str = POLICY) -> Policy:
         return policy_of(read_policy(folder, name))
     except (KeyError, ValueError, TypeError) as error:
         raise DamagedError(f"{name} cannot be read ({error})") from error
+
+
+def check_policy(task: Task, policy: Policy) -> None:
+    """Whether a policy is one of the task, as its digest alone does not say.
+
+    Raises:
+      DamagedError: if it is not.
+    """
+    expected = (len(task.command_scale), task.width), (task.steps, len(task.command_scale))
+    if (policy.gain.shape, policy.mean.shape) != expected:
+        raise DamagedError(
+            f"its policy has arrays of the shapes {policy.gain.shape} and {policy.mean.shape}, and {task.name} needs "
+            f"{expected[0]} and {expected[1]}"
+        )
+    if not all(np.isfinite(array).all() for array in (policy.gain, policy.mean, policy.covariance)):
+        raise DamagedError("its policy holds values that are not finite")

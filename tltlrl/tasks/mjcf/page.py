@@ -14,6 +14,7 @@ from typing import Any
 import yaml
 
 from tltlrl.errors import UserError, nearest, printable
+from tltlrl.store.bounded import BoundsError, check_node
 from tltlrl.tasks.mjcf.keys import (
     ACTUATORS,
     FEEDBACK,
@@ -93,6 +94,10 @@ def page_of(path: Path, data: bytes) -> Page:
     name = shown(path)
     try:
         node = yaml.compose(data.decode("utf-8-sig"), Loader=_Loader)
+        check_node(node)
+    except (BoundsError, RecursionError) as error:
+        why = error if isinstance(error, BoundsError) else "it is nested too deeply"
+        raise UserError(f"{name}: {why}; write the page of one robot, without aliases that repeat others") from None
     except UnicodeDecodeError:
         raise UserError(f"{name}: it is not text in UTF-8; save it as UTF-8") from None
     except yaml.MarkedYAMLError as error:
