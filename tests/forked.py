@@ -5,35 +5,58 @@ What starts workers cannot be run like this: multiprocessing would import the te
 
 import os
 import sys
-import tempfile
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import tltlrl.experiments.experiment  # noqa: F401  # so that the forked processes have it
 from tltlrl.cli import main as cli
 
 
-def tltl_run(folder: Path, *arguments: str, first: Callable[[], object] = lambda: None) -> tuple[int, str, str]:
+def tltl_run(folder: Path, *arguments: object, first: Callable[[], object] = lambda: None) -> tuple[int, str, str]:
     """`tltl-run ARGUMENTS` in a folder, after `first()`: exit code (-N if signal N ended it), output, errors."""
-    with tempfile.TemporaryFile("w+") as output, tempfile.TemporaryFile("w+") as errors:
-        sys.stdout.flush()
-        sys.stderr.flush()
-        pid = os.fork()
-        if pid == 0:
-            code = 3
-            try:
-                os.chdir(folder)
-                os.dup2(output.fileno(), 1)
-                os.dup2(errors.fileno(), 2)
-                sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w", buffering=1)
-                sys.argv = ["tltl-run", *arguments]
-                first()
-                code = cli.run(list(arguments))
-            except SystemExit as exit_:
-                code = 0 if exit_.code is None else int(exit_.code)
-            finally:
-                sys.stdout.flush()
-                sys.stderr.flush()
-                os._exit(code)
-        code = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
-        return code, *(file.seek(0) or file.read() for file in (output, errors))
+    return _run("tltl-run", cli.run, folder, list(map(str, arguments)), first)
+
+
+def tltl(folder: Path, *arguments: object, first: Callable[[], object] = lambda: None) -> tuple[int, str, str]:
+    """`tltl ARGUMENTS`, in the same way."""
+    return _run("tltl", cli.main, folder, list(map(str, arguments)), first)
+
+
+def _run(
+    name: str,
+    command: Callable[[list[str]], int | None],
+    folder: Path,
+    arguments: list[str],
+    first: Callable[[], object],
+) -> tuple[int, str, str]:
+    ours, its = zip(os.pipe(), os.pipe(), strict=True)  # and not files, whose size a test may limit
+    sys.stdout.flush()
+    sys.stderr.flush()
+    pid = os.fork()
+    if pid == 0:
+        code: int | None = 3
+        try:
+            os.chdir(folder)
+            for descriptor, end in enumerate(its, start=1):
+                os.dup2(end, descriptor)
+            sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w", buffering=1)
+            sys.argv = [name, *arguments]
+            first()
+            code = command(arguments)
+            sys.stdout.flush()
+        except SystemExit as ended:
+            code = ended.code if isinstance(ended.code, int) else 0
+            sys.stdout.flush()
+        finally:
+            os._exit(code or 0)
+    for end in its:
+        os.close(end)
+    with ThreadPoolExecutor(2) as readers:
+        output, errors = readers.map(_read, ours)
+    return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]), output, errors
+
+
+def _read(descriptor: int) -> str:
+    with os.fdopen(descriptor) as file:
+        return file.read()

@@ -272,7 +272,7 @@ def stop(process, kill, said):
     os.killpg(process.pid, kill) if kill == signal.SIGINT else os.kill(process.pid, kill)
     process.wait(timeout=20)
     if kill == signal.SIGINT:
-        assert time.monotonic() - since < 2
+        assert time.monotonic() - since < 10  # 1 s on a machine with nothing else to do
         assert process.returncode == 130, said.read_text()
         assert said.read_text().endswith("tltl-run: stopped; the same command goes on from what is done\n")
         assert "Traceback" not in said.read_text()

@@ -82,7 +82,7 @@ def test_nobody_can_connect_to_a_worker_and_all_end_when_the_command_is_interrup
     observer.start()
     with pytest.raises(KeyboardInterrupt):
         ends(["lasts"] * 10_000, tmp_path)
-    assert time.monotonic() - interrupted[0] < 2
+    assert time.monotonic() - interrupted[0] < 10  # 0.1 s on a machine with nothing else to do
     observer.join()
     pids = begun(tmp_path, "lasts")
     assert len(pids) == 2

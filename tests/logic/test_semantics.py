@@ -125,10 +125,10 @@ def test_the_norm_of_tiny_numbers_is_not_zero(text):
 def test_explaining_a_truncated_operand_takes_no_cubic_time():
     x = np.ones((1, 700))
     x[0, 600], y = 0.0, np.linspace(2, 0.5, 700)[None]
-    start = time.perf_counter()
+    start = time.process_time()
     (why,) = parse_spec("(F x < 0.5) U y < 1").explain({"x": x, "y": y})
     assert (why.predicate, why.step) == ("y < 1", 601)
-    assert time.perf_counter() - start < 3
+    assert time.process_time() - start < 8
 
 
 G, F, N, X, U, R, W, T = s.Always, s.Eventually, s.Not, s.Next, s.Until, s.Release, s.WeakUntil, s.Then

@@ -7,6 +7,7 @@ import resource
 import shutil
 import sys
 
+import forked
 import pytest
 
 import tltlrl.experiments.experiment
@@ -45,33 +46,15 @@ def result(folder):
     return {str(path.relative_to(folder)): None if path.name in own else path.read_bytes() for path in files}
 
 
-def in_a_child(prepare, command, *arguments):
-    """Exit code of a command in a process of its own, in which `prepare` was called, and what it said."""
-    ours, its = os.pipe()
-    pid = os.fork()
-    if pid == 0:
-        code = 3
-        try:
-            with os.fdopen(its, "w") as sys.stderr:
-                prepare()
-                code = command([str(argument) for argument in arguments])
-        except SystemExit as ended:
-            code = ended.code
-        finally:
-            os._exit(code)
-    os.close(its)
-    with os.fdopen(ours) as file:
-        said = file.read()
-    return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]), said
-
-
 def without_figure():
     """The figure is what takes most of the time."""
     tltlrl.reports.report.plot_learning_curves = tltlrl.reports.report.plot_clauses = lambda *_: None
 
 
-def tltl_run(folder, prepare=without_figure):
-    return in_a_child(prepare, cli.run, *SMALL, f"runs_dir={folder.parent}")
+def tltl_run(folder, prepare=without_figure, *more):
+    """Exit code and what was said."""
+    code, _, errors = forked.tltl_run(folder.parent, *SMALL, f"runs_dir={folder.parent}", *more, first=prepare)
+    return code, errors
 
 
 def nothing():
@@ -229,7 +212,7 @@ def test_spec_and_manifest_both_lost_the_difference_is_told(copy):
 @pytest.mark.parametrize("damage", [deleted, emptied, cut, without_config, without_sessions])
 def test_a_damaged_manifest_cannot_be_repeated_and_that_is_told(copy, damage):
     damage(copy / "manifest.json")
-    code, errors = in_a_child(nothing, cli.run, "--from", copy / "manifest.json")
+    code, _, errors = forked.tltl_run(copy, "--from", copy / "manifest.json")
     assert code == 2
     assert f"tltl-run: {copy}/manifest.json: " in errors
     assert errors.endswith("the manifest.json of an experiment\n")
@@ -340,7 +323,7 @@ def test_a_read_only_folder_is_told(copy, command):
     if command == "tltl-run":
         code, said = tltl_run(copy, read_only)
     else:
-        code, said = in_a_child(read_only, cli.main, command, copy if command == "plot" else copy / RUN)
+        code, _, said = forked.tltl(copy, command, copy if command == "plot" else copy / RUN, first=read_only)
     assert result(copy) == before
     if command == "evaluate":  # needs nothing written
         assert (code, said) == (0, "")
@@ -374,7 +357,7 @@ def test_if_no_run_finishes_nothing_of_earlier_ones_is_shown(copy):
 def test_a_second_command_on_a_folder_is_refused_with_the_process_that_holds_it(copy, more):
     before = result(copy)
     with tltlrl.experiments.folder.working_in(copy):
-        code, errors = in_a_child(nothing, cli.run, *SMALL, f"runs_dir={copy.parent}", *more)
+        code, errors = tltl_run(copy, nothing, *more)
     assert code == 2
     assert errors == (f"tltl-run: process {os.getpid()} is working in {copy}; wait for it, or set another name=...\n")
     assert result(copy) == before
