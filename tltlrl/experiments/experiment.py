@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import yaml
 
 from tltlrl.config.compare import differences
@@ -30,17 +31,32 @@ from tltlrl.experiments.manifest import (
     with_start_of,
 )
 from tltlrl.experiments.progress import Progress
+from tltlrl.experiments.provenance import provenance
 from tltlrl.experiments.scheduler import check_scheduler
 from tltlrl.learning.policy import Policy
+from tltlrl.reports.clauses import standings
 from tltlrl.reports.motion import has_path
+from tltlrl.reports.page import write_page
 from tltlrl.reports.plotting import FORMATS, shows
-from tltlrl.reports.report import write_report
+from tltlrl.reports.report import summarise, write_report
 from tltlrl.reports.workspace import draw_workspace
 from tltlrl.store import layout
 from tltlrl.store.bounded import read_yaml
 from tltlrl.store.clauses import standing_so_far
 from tltlrl.store.files import clear_leftovers, digest, write_bytes, write_json, write_text
-from tltlrl.store.layout import CALM, CALM_WORKSPACE, CONFIG, DONE, LOG, MANIFEST, POLICY, SPECS, START, WORKSPACE
+from tltlrl.store.layout import (
+    CALM,
+    CALM_WORKSPACE,
+    CONFIG,
+    CURVES,
+    DONE,
+    LOG,
+    MANIFEST,
+    POLICY,
+    SPECS,
+    START,
+    WORKSPACE,
+)
 from tltlrl.store.run import DamagedError, read_checkpoint, read_results, shelve_checkpoint
 from tltlrl.training.build import cut_windows, make_task
 from tltlrl.training.session import check_policy, learned_policy, shorter_run
@@ -112,6 +128,14 @@ def run_experiment(study: Study, machinery: Machinery, command: list[str]) -> bo
         draw_cases(folder, whole, results)
         if missing or before is None:
             write_json(folder / MANIFEST, manifest(whole, before, end_session(session)))
+        if results:
+            curves = pd.read_csv(folder / CURVES)
+            content = read_manifest(folder / MANIFEST)
+            assert content is not None
+            write_page(
+                folder, whole, curves, summarise(curves, results), results, failures, standings(results),
+                provenance(whole, content),
+            )  # fmt: skip
     return not failures
 
 

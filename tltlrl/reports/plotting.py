@@ -91,7 +91,7 @@ def curves_figure(experiments: Mapping[str, pd.DataFrame]) -> Figure:
       experiments: title => learning_curves.csv.
     """
     with own_style():
-        near = {title: _near_zero(curves, "robustness_mean") for title, curves in experiments.items()}
+        near = {title: near_zero(curves, "robustness_mean") for title, curves in experiments.items()}
         rows, columns = 2 + any(near.values()), len(experiments)
         figure = Figure(figsize=(0.5 + 5.0 * columns, 1.7 + 2.5 * rows), layout="constrained")
         for column, (title, curves) in enumerate(experiments.items(), start=1):
@@ -106,7 +106,7 @@ def curves_figure(experiments: Mapping[str, pd.DataFrame]) -> Figure:
             axes = figure.add_subplot(rows, columns, (rows - 1) * columns + column)
             draw_curves(axes, curves, "robustness_policy")
             axes.set_title(PANELS["robustness_policy"])
-            if limits := _near_zero(curves, "robustness_policy"):
+            if limits := near_zero(curves, "robustness_policy"):
                 axes.set_ylim(limits)
                 axes.set_title(f"{PANELS['robustness_policy']}, near 0")
         lines = {
@@ -137,7 +137,7 @@ def _caption(experiments: Sequence[pd.DataFrame]) -> list[str]:
     return lines
 
 
-def _near_zero(curves: pd.DataFrame, measure: str) -> tuple[float, float] | None:
+def near_zero(curves: pd.DataFrame, measure: str) -> tuple[float, float] | None:
     """Limits of a panel near 0, if the curves need one."""
     best, worst = curves[measure].max(), curves[measure].min()
     return (-DETAIL * best, 1.15 * best) if 0 < NEEDED * best < -worst else None

@@ -23,6 +23,7 @@ from tltlrl.store.layout import (
     CLAUSES_FIGURE,
     CURVES,
     FIGURE,
+    PAGE,
     PROGRESS,
     REPORT,
     SUMMARY,
@@ -54,7 +55,7 @@ def write_report(
     """
     if not finished:
         pictures = (f"{name}{suffix}" for name in (FIGURE, CLAUSES_FIGURE) for suffix in FORMATS)
-        for name in (CURVES, SUMMARY, REPORT, *pictures):
+        for name in (CURVES, SUMMARY, REPORT, PAGE, *pictures):
             (folder / name).unlink(missing_ok=True)
         lines = [f"# {study.name}", "", "No run has finished.", *_failure_lines(failures)]
         write_text(folder / SUMMARY_PAGE, "\n".join(lines) + "\n")
@@ -69,7 +70,7 @@ def write_report(
     plot_learning_curves(titled([folder], [curves]), folder / FIGURE)
     if known:
         plot_clauses(known, folder / CLAUSES_FIGURE)
-    return [*outcome_lines(summary), f"report: {folder / REPORT}"]
+    return [*outcome_lines(summary), f"report: {folder / REPORT}, {PAGE}"]
 
 
 def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) -> pd.DataFrame:
@@ -125,7 +126,7 @@ def outcome_lines(summary: pd.DataFrame) -> list[str]:
 
 def summary_page(study: Study, summary: pd.DataFrame, failures: Mapping[str, str]) -> str:
     """summary.md: one line per case."""
-    judged = _judged(summary)
+    judged = judged_besides(summary)
     enough = summary["seed"].nunique() >= FEWEST
     interval = f" ({100 * LEVEL:.0f} % t interval)" if enough else ""
     lines = [
@@ -226,7 +227,7 @@ def _calm_lines(summary: pd.DataFrame) -> list[str]:
     """What the calm policies are worth, if there are any: nothing that is said of the learned ones counts them."""
     if "calm_successes" not in summary:
         return []
-    judged = _judged(summary)
+    judged = judged_besides(summary)
     lines = [
         "",
         "Calm policies follow the learned motion simplified (`algorithm.calm`); the learned ones stay as they are, and "
@@ -253,7 +254,7 @@ def _calm_lines(summary: pd.DataFrame) -> list[str]:
 
 def trial_lines(summary: pd.DataFrame, finished: Mapping[Path, Mapping[str, Any]], timestep: float) -> list[str]:
     """The trials of every run, with a 95 % Wilson interval, and why trials failed."""
-    judged = _judged(summary)
+    judged = judged_besides(summary)
     lines = [
         "",
         "## Trials of the learned policies",
@@ -297,7 +298,7 @@ HOW_DECIDED = (
 )
 
 
-def _judged(summary: pd.DataFrame) -> list[str]:
+def judged_besides(summary: pd.DataFrame) -> list[str]:
     """What the task judges of a trial besides the spec."""
     after = list(summary.columns).index("success_rate") + 1
     return [name for name in summary.columns[after:] if not name.startswith("calm_")]

@@ -18,11 +18,12 @@ CONFIG, MANIFEST, SPECS, START, LOG, LOCK = (
     "log.txt",
     ".lock",
 )
-CURVES, SUMMARY, SUMMARY_PAGE, REPORT, FIGURE, CLAUSES_FIGURE = (
+CURVES, SUMMARY, SUMMARY_PAGE, REPORT, PAGE, FIGURE, CLAUSES_FIGURE = (
     "learning_curves.csv",
     "summary.csv",
     "summary.md",
     "report.md",
+    "report.html",
     "learning_curves",
     "clauses",
 )
