@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import sys
 from argparse import ArgumentParser, Namespace
+from collections.abc import Sequence
+from pathlib import Path
 
 from tltlrl.errors import shown
 from tltlrl.reports.plotting import FORMATS, plot_learning_curves, stem, titled
-from tltlrl.reports.sealed import read_curves
+from tltlrl.reports.sealed import read_curves, read_summary
 from tltlrl.resources import user_path
-from tltlrl.store.layout import FIGURE
+from tltlrl.store.layout import CONFIG, FIGURE
+
+NAMES = 3  # config keys in an experiment's name, at most
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -20,6 +24,12 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--output", type=user_path, help="where to; as .png and .pdf in any case (default EXPERIMENT/learning_curves)"
     )
+    parser.add_argument(
+        "--compare",
+        action="store_true",
+        help="experiments of one task: a line for each, by case, and whether the first is better than each other "
+        "(EXPERIMENT/comparison); of several tasks: the cases over all of them",
+    )
 
 
 def run(arguments: Namespace) -> int:
@@ -28,6 +38,8 @@ def run(arguments: Namespace) -> int:
     Raises:
       UserError: if an experiment's CSV file cannot be read, or a picture of another kind is wanted.
     """
+    if arguments.compare:
+        return _compare(arguments)
     output = stem(arguments.output or arguments.experiments[0] / FIGURE)
     found = [read_curves(folder) for folder in arguments.experiments]
     for _, notes in found:
@@ -37,3 +49,48 @@ def run(arguments: Namespace) -> int:
     plot_learning_curves(titled(arguments.experiments, experiments), output)
     print(shown(", ".join(f"{output}{suffix}" for suffix in FORMATS)))
     return 0
+
+
+def _compare(arguments: Namespace) -> int:
+    from tltlrl.errors import UserError
+    from tltlrl.reports.across import differences, over_tasks, plot_cases
+
+    folders: Sequence[Path] = arguments.experiments
+    if len(folders) < 2:
+        raise UserError("--compare: give two experiments or more, as in tltl plot runs/A runs/B --compare")
+    output = stem(arguments.output or folders[0] / "comparison")
+    names = names_of(folders)
+    found = {name: read_summary(folder) for name, folder in zip(names, folders, strict=True)}
+    for note in dict.fromkeys(note for _, notes in found.values() for note in notes):
+        print(f"tltl: {note}", file=sys.stderr)
+    summaries = {name: summary for name, (summary, _) in found.items()}
+    said = [*map(str, differences(summaries)), *map(str, over_tasks(list(summaries.values())))]
+    if not said:
+        raise UserError("--compare: the experiments have no case with common seeds, and no case in several tasks")
+    if len({summary["task"].iloc[0] for summary in summaries.values()}) == 1:
+        plot_cases({name: read_curves(folder)[0] for name, folder in zip(names, folders, strict=True)}, output)
+        print(", ".join(f"{output}{suffix}" for suffix in FORMATS))
+    print("\n".join(said))
+    return 0
+
+
+def names_of(folders: Sequence[Path]) -> list[str]:
+    """What the config of each experiment says that the others' do not; its folder's name where that does not tell."""
+    import yaml
+
+    from tltlrl.config.compare import flatten
+
+    try:
+        configs = [flatten(yaml.safe_load((folder / CONFIG).read_text(encoding="utf-8"))) for folder in folders]
+    except (OSError, ValueError, AttributeError, yaml.YAMLError):
+        return [str(folder) for folder in folders]
+    keys = [
+        key
+        for key in dict.fromkeys(key for config in configs for key in config)
+        if key not in ("name", "seeds", "cases", "trials") and len({str(config.get(key)) for config in configs}) > 1
+    ]
+    names = [", ".join(f"{key}={config.get(key)}" for key in keys[:NAMES]) for config in configs]
+    if len(set(names)) == len(names) and len(keys) <= NAMES:
+        return names
+    short = [folder.resolve().name for folder in folders]
+    return short if len(set(short)) == len(short) else [str(folder) for folder in folders]

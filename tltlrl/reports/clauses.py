@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from tltlrl.errors import UserError
-from tltlrl.reports.plotting import LABELS, own_style, save
+from tltlrl.reports.plotting import GREY_STYLES, LABELS, own_style, save
 from tltlrl.store.clauses import BEST, CLAUSE, DECIDES, MEAN, MET, NAME, column, parts_in
 from tltlrl.store.layout import CLAUSES, run_of
 from tltlrl.store.run import whole_lines
@@ -26,17 +26,6 @@ WINDOW = 10  # iterations: over how many the share that a clause decides is take
 MOST = 8  # clauses, or named sub-formulas, in a figure
 LONG = 44  # characters of a clause in a legend
 LEGEND: dict[str, Any] = {"frameon": False, "fontsize": 8}
-# Told apart in grey by lightness and dash, as the learning curves are.
-STYLES: list[dict[str, Any]] = [
-    {"color": "#000000", "linestyle": "-"},
-    {"color": "#D55E00", "linestyle": "--"},
-    {"color": "#56B4E9", "linestyle": "-"},
-    {"color": "#0072B2", "linestyle": "-."},
-    {"color": "#E69F00", "linestyle": ":"},
-    {"color": "#009E73", "linestyle": (0, (5, 1, 1, 1, 1, 1))},
-    {"color": "#CC79A7", "linestyle": "--"},
-    {"color": "#777777", "linestyle": ":"},
-]
 
 
 @dataclass(frozen=True)
@@ -206,7 +195,7 @@ def _caption(
 
 
 def _draw(axes: Axes, curves: Mapping[str, Array], width: float = 1.3) -> None:
-    for style, (part, values) in zip(STYLES, curves.items(), strict=False):
+    for style, (part, values) in zip(GREY_STYLES, curves.items(), strict=False):
         label = part if len(part) <= LONG else f"{part[: LONG - 1]}…"
         axes.plot(np.where(np.isfinite(values), values, np.nan), linewidth=width, label=f" {label}", **style)
     axes.margins(x=0)

@@ -29,6 +29,17 @@ STYLES: dict[str, dict[str, Any]] = {
     "continuous_step": {"color": "#3E9ED6", "linestyle": (0, (5, 1, 1, 1, 1, 1))},
     "tltl_step": {"color": "#009E73", "linestyle": (0, (1, 1))},
 }
+# The same for lines that are no cases.
+GREY_STYLES: list[dict[str, Any]] = [
+    {"color": "#000000", "linestyle": "-"},
+    {"color": "#D55E00", "linestyle": "--"},
+    {"color": "#56B4E9", "linestyle": "-"},
+    {"color": "#0072B2", "linestyle": "-."},
+    {"color": "#E69F00", "linestyle": ":"},
+    {"color": "#009E73", "linestyle": (0, (5, 1, 1, 1, 1, 1))},
+    {"color": "#CC79A7", "linestyle": "--"},
+    {"color": "#777777", "linestyle": ":"},
+]
 LABELS = {
     "tltl_episodic": "TLTL robustness, episode-based",
     "discrete_episodic": "discrete, episode-based",
@@ -190,10 +201,12 @@ def shows(path: Path, source: str) -> bool:
     )
 
 
-def draw_curves(axes: mpl.axes.Axes, curves: pd.DataFrame, measure: str) -> None:
+def draw_curves(
+    axes: mpl.axes.Axes, curves: pd.DataFrame, measure: str, styles: Mapping[str, Mapping[str, Any]] = STYLES
+) -> None:
     """Mean, band and every seed of a column of each case, on the given axes; a gap where a value is infinite."""
     for case, rows in curves.groupby("case", sort=False):
-        style = STYLES.get(str(case), {})
+        style = styles.get(str(case), {})
         by_seed = rows.pivot(index="iteration", columns="seed", values=measure)
         values = by_seed.where(np.isfinite(by_seed)).to_numpy()
         if values.shape[1] > 1:

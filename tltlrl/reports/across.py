@@ -1,0 +1,194 @@
+"""Several experiments against each other: the same case in each, paired over seeds, and all tasks taken together."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.stats import bootstrap, trim_mean
+
+from tltlrl.reports.comparison import holm, paired_p
+from tltlrl.reports.interval import FEWEST, LEVEL, mean_interval
+from tltlrl.reports.plotting import GREY_STYLES, LABELS, PANELS, draw_curves, own_style, save
+
+Array = NDArray[np.float64]
+
+MEASURES = {
+    "robustness_policy": "robustness of the mean policy at the end",
+    "robustness_mean_over_run": "robustness of the samples, mean over the run",
+}
+SCORE = "success_rate"  # from 0 to 1 in every task, so that no task outweighs another
+RESAMPLES = 9999
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One case in two experiments of one task.
+
+    Attributes:
+      case, measure: the case, and the column of summary.csv.
+      first, other: the experiments.
+      seeds: common ones.
+      mean: of first - other.
+      low, high: its 95 % t interval over the seeds; NaN with fewer than `FEWEST`.
+      p: paired permutation test, Holm-corrected over all rows of the measure.
+    """
+
+    case: str
+    measure: str
+    first: str
+    other: str
+    seeds: int
+    mean: float
+    low: float
+    high: float
+    p: float
+
+    def __str__(self) -> str:
+        interval = f" ({self.low:+.3f} to {self.high:+.3f})" if np.isfinite(self.low) else ""
+        better = "not told apart"
+        if self.p < 1 - LEVEL:
+            better = f"{self.first if self.mean > 0 else self.other} is better"
+        return (
+            f"{self.case}, {MEASURES[self.measure]}: {self.first} - {self.other} {self.mean:+.3f}{interval}, "
+            f"p {self.p:.3g}, {self.seeds} seeds: {better}"
+        )
+
+
+def differences(summaries: Mapping[str, pd.DataFrame]) -> list[Difference]:
+    """The first experiment against each other one of its task, in each case that both have.
+
+    Args:
+      summaries: name of the experiment => summary.csv.
+    """
+    (first, own), *others = summaries.items()
+    found = []
+    for measure in MEASURES:
+        rows = []
+        for other, table in others:
+            if table["task"].iloc[0] != own["task"].iloc[0]:
+                continue
+            for case in [case for case in own["case"].unique() if case in set(table["case"])]:
+                a, b = (rows_of[rows_of["case"] == case].set_index("seed")[measure] for rows_of in (own, table))
+                seeds = a.index.intersection(b.index)
+                if len(seeds):
+                    x, y = a.loc[seeds].to_numpy(dtype=float), b.loc[seeds].to_numpy(dtype=float)
+                    low, high = mean_interval(x - y)
+                    mean, p = float(np.mean(x - y)), paired_p(x, y)
+                    rows.append(Difference(case, measure, first, other, len(seeds), mean, float(low), float(high), p))
+        corrected = holm([row.p for row in rows])
+        found += [Difference(**{**vars(row), "p": p}) for row, p in zip(rows, corrected, strict=True)]
+    return found
+
+
+@dataclass(frozen=True)
+class Aggregate:
+    """Share of successful trials of one case over several tasks: the interquartile mean of its runs.
+
+    Attributes:
+      case: its name.
+      tasks, runs: how many.
+      mean: of the middle half of the runs.
+      low, high: its 95 % percentile bootstrap interval, runs drawn within each task.
+    """
+
+    case: str
+    tasks: int
+    runs: int
+    mean: float
+    low: float
+    high: float
+
+    def __str__(self) -> str:
+        return (
+            f"{self.case}, {self.tasks} tasks, {self.runs} runs: interquartile mean of the share of successful trials "
+            f"{self.mean:.3f} ({self.low:.3f} to {self.high:.3f})"
+        )
+
+
+def over_tasks(summaries: Sequence[pd.DataFrame]) -> list[Aggregate]:
+    """Every case that all tasks have, over all of them; nothing for a single task.
+
+    The measure and the interval are those of Agarwal et al., Deep Reinforcement Learning at the Edge of the Statistical
+    Precipice (2021).
+    """
+    together = pd.concat(summaries, ignore_index=True)
+    tasks = list(together["task"].unique())
+    if len(tasks) < 2:
+        return []
+    found = []
+    for case in together["case"].unique():
+        own = together[together["case"] == case]
+        scores = [own.loc[own["task"] == task, SCORE].to_numpy(dtype=float) for task in tasks]
+        if min(map(len, scores)) < 2:
+            continue
+        interval = bootstrap(
+            scores,
+            lambda *samples, axis: trim_mean(np.concatenate(samples, axis=axis), 0.25, axis=axis),
+            n_resamples=RESAMPLES,
+            confidence_level=LEVEL,
+            method="percentile",
+            vectorized=True,
+            rng=np.random.default_rng(0),
+        ).confidence_interval
+        mean = float(trim_mean(np.concatenate(scores), 0.25))
+        found.append(
+            Aggregate(case, len(tasks), sum(map(len, scores)), mean, float(interval.low), float(interval.high))
+        )
+    return found
+
+
+def plot_cases(experiments: Mapping[str, pd.DataFrame], path: Path) -> None:
+    """The curves by case: one column for each that several have, one line per experiment, as path.png and path.pdf.
+
+    Args:
+      experiments: name => learning_curves.csv, of one task.
+      path: without suffix.
+    """
+    with own_style():
+        save(cases_figure(experiments), path)
+
+
+def cases_figure(experiments: Mapping[str, pd.DataFrame]) -> Figure:
+    """See `plot_cases`."""
+    counted = Counter(case for curves in experiments.values() for case in curves["case"].unique())
+    cases = [case for case, count in counted.items() if count > 1]
+    styles = {name: GREY_STYLES[i % len(GREY_STYLES)] for i, name in enumerate(experiments)}
+    with own_style():
+        figure = Figure(figsize=(0.6 + 3.6 * len(cases), 6.0 + 0.2 * len(experiments)), layout="constrained")
+        grid = figure.subplots(len(PANELS), len(cases), squeeze=False)
+        for column, case in enumerate(cases):
+            own = {name: curves[curves["case"] == case] for name, curves in experiments.items()}
+            together = pd.concat([rows.assign(case=name) for name, rows in own.items() if len(rows)])
+            for axes, (measure, of) in zip(grid[:, column], PANELS.items(), strict=True):
+                draw_curves(axes, together, measure, styles)
+                axes.set_title(f"{LABELS.get(case, case)}\n{of}")
+                axes.set_ylim(_limits(together, measure))
+        lines = {
+            label: line for axes in figure.axes for line, label in zip(*axes.get_legend_handles_labels(), strict=True)
+        }
+        figure.legend(lines.values(), lines.keys(), loc="outside upper left", frameon=False)
+        counts = sorted({int(curves.groupby("case")["seed"].nunique().max()) for curves in experiments.values()})
+        band = f"; band: {100 * LEVEL:.0f} % t interval of the mean, of {FEWEST} seeds or more" * (counts[-1] >= FEWEST)
+        seeds = " and ".join(f"{n} seed{'s' * (n > 1)}" for n in counts)
+        figure.supxlabel(
+            f"{seeds}. Thick: mean of the seeds; thin: each seed{band}. Lower values are cut off.",
+            fontsize=7.5,
+        )
+    return figure
+
+
+def _limits(curves: pd.DataFrame, measure: str) -> tuple[float, float]:
+    """Every mean from the first quarter of the iterations on, and all that is above: the start would set the scale."""
+    finite = curves[np.isfinite(curves[measure])]
+    means = finite.groupby(["case", "iteration"])[measure].mean().reset_index()
+    later = means.loc[means["iteration"] >= curves["iteration"].max() / 4, measure]
+    low, high = min(float(later.min()), 0.0), max(float(finite[measure].max()), 0.0)
+    margin = 0.06 * ((high - low) or 1.0)
+    return low - margin, high + margin
