@@ -1,22 +1,29 @@
-"""`tltl render RUN`: a picture of the workspace with the learned paths, if the task has one, and a video."""
+"""`tltl render RUN ...`: the learned paths, the motion over time, and a film; of several runs one film."""
 
 from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
+from collections.abc import Sequence
+from pathlib import Path
 
 from tltlrl.errors import shown
 from tltlrl.experiments.experiment import open_calm, open_run
 from tltlrl.reports.strips import draw_strips
-from tltlrl.reports.video import render_motion
+from tltlrl.reports.video import Film, beside, film, write_film
 from tltlrl.reports.workspace import can_draw, draw_workspace
 from tltlrl.resources import user_path
 from tltlrl.store.layout import CALM_WORKSPACE, WORKSPACE
+from tltlrl.training.build import first_policy, make_task
 
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Adds the arguments of `tltl render`."""
-    parser.add_argument("run", type=user_path, metavar="RUN", help="for instance runs/reach_avoid/tltl_episodic/seed_0")
-    parser.add_argument("--output", type=user_path, help="a folder for them (default RUN)")
+    parser.add_argument(
+        "runs", type=user_path, nargs="+", metavar="RUN",
+        help="for instance runs/reach_avoid/tltl_episodic/seed_0; of several, one film side by side",
+    )  # fmt: skip
+    parser.add_argument("--before", action="store_true", help="beside the motion that learning began with, as one film")
+    parser.add_argument("--output", type=user_path, help="a folder for them (default the first RUN)")
 
 
 def run(arguments: Namespace) -> int:
@@ -25,12 +32,17 @@ def run(arguments: Namespace) -> int:
     Raises:
       UserError: if there is no finished run, or nothing can be rendered on this machine.
     """
-    asked, learned = open_run(arguments.run)
-    folder = arguments.output or arguments.run
+    folder = arguments.output or arguments.runs[0]
+    if len(arguments.runs) > 1 or arguments.before:
+        films = side_by_side(arguments.runs, arguments.before)
+        folder.mkdir(parents=True, exist_ok=True)
+        _say(write_film(beside(films), folder / "motion_beside"), "the motions side by side")
+        return 0
+    asked, learned = open_run(arguments.runs[0])
     folder.mkdir(parents=True, exist_ok=True)
     for policy, workspace, strips, motion in (
         (learned, WORKSPACE, "over_time", "motion"),
-        (open_calm(asked, arguments.run), CALM_WORKSPACE, "over_time_calm", "motion_calm"),
+        (open_calm(asked, arguments.runs[0]), CALM_WORKSPACE, "over_time_calm", "motion_calm"),
     ):
         if policy is None:
             continue
@@ -40,6 +52,32 @@ def run(arguments: Namespace) -> int:
             print(shown(f"{folder}/{workspace}.png, .pdf: the paths{of}"))
         draw_strips(asked, policy, folder / strips)
         print(shown(f"{folder}/{strips}.png, .pdf: path, commands and clauses{of} over time"))
-        render_motion(asked, policy, folder / motion)
-        print(shown(f"{folder}/{motion}.gif: the motion{of}; {motion}.png: frames of it"))
+        name = f"{asked.case.name} seed {asked.seed}{', calm' if of else ''}"
+        _say(write_film(film(asked, policy, name), folder / motion), f"the motion{of}, and frames of it")
     return 0
+
+
+def side_by_side(runs: Sequence[Path], before: bool) -> list[Film]:
+    """A film of each run, called by what tells the runs apart.
+
+    Args:
+      runs: their folders.
+      before: whether the policy that the first began with comes first.
+    """
+    opened = [open_run(path) for path in runs]
+    experiments = [path.resolve().parent.parent.name for path in runs]
+    several = len(set(experiments)) > 1
+    films = []
+    if before:
+        learned, _ = opened[0]
+        films.append(film(learned, first_policy(make_task(learned.task), learned.algorithm), "before learning"))
+    for (learned, policy), experiment in zip(opened, experiments, strict=True):
+        name = f"{learned.case.name} seed {learned.seed}"
+        films.append(film(learned, policy, f"{experiment}: {name}" if several else name))
+    return films
+
+
+def _say(files: Sequence[Path], what: str) -> None:
+    print(shown(f"{', '.join(map(str, files))}: {what}"))
+    if not any(path.suffix == ".mp4" for path in files):
+        print("for an mp4, too: pip install 'tltlrl[video]'")

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import importlib.util
 import io
 import itertools
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +20,7 @@ from PIL import Image, ImageDraw, ImageFont
 from tltlrl.errors import UserError
 from tltlrl.learning.policy import Policy
 from tltlrl.logic import Region, Spec
+from tltlrl.reports.motion import watch
 from tltlrl.simulation.rollout import Simulator
 from tltlrl.simulation.trials import mean_motion
 from tltlrl.store.files import write_bytes
@@ -24,41 +29,119 @@ from tltlrl.tasks.task import Task
 from tltlrl.training.build import make_evaluation_task
 from tltlrl.training.study import Run
 
+Array = NDArray[np.float64]
 Frame = NDArray[np.uint8]
 
 HEIGHT, WIDTH = 360, 480  # pixels
-STRIP_ROWS, STRIP_COLUMNS = 2, 3
+LINE, EDGE = 18, 6  # pixels: of a line of text below, and around the text
+LONGEST, MOST_CLAUSES = 48, 8  # characters of a clause; clauses
+STRIP_FRAMES = 6  # in two rows, or more where frames are wider
 INSIDE_COLOUR = np.array([0.3, 0.5, 0.9, 0.18], dtype=np.float32)
 OUTSIDE_COLOUR = np.array([0.9, 0.4, 0.2, 0.25], dtype=np.float32)  # of what `distance(...) > radius` keeps out of
 CLEARANCE = 0.004  # m, around a region, whose faces would else coincide with those of the body it stands for
 DISC_HEIGHT = 0.01  # m, of a region in the plane
 
 
-def render_motion(run: Run, policy: Policy, path: Path) -> None:
-    """Writes path.gif, the motion of the noise-free mean policy at its own speed, and path.png, six frames of it.
+@dataclass(frozen=True)
+class Film:
+    """A motion as pictures.
+
+    Attributes:
+      frames: one per sample, (H, W, 3).
+      timestep: between two of them, s.
+    """
+
+    frames: list[Frame]
+    timestep: float
+
+
+def film(run: Run, policy: Policy, name: str) -> Film:
+    """The noise-free motion of a policy, with its name, the time and each clause so far below every picture.
 
     Args:
       run: what was learned.
-      policy: learned by the run.
-      path: without suffix.
+      policy: of the run's task.
+      name: of the policy.
 
     Raises:
       UserError: if no renderer is to be had on this machine.
     """
     task = make_evaluation_task(run.task)
     frames = motion_frames(task, run.spec, policy)
-    pictures = [Image.fromarray(frame).quantize(128) for frame in frames]
-    film = io.BytesIO()
-    pictures[0].save(
-        film,
-        format="GIF",
-        save_all=True,
-        append_images=pictures[1:],
-        duration=1000 * task.control_timestep,
-        loop=0,
+    motion = watch(task, run.spec, policy, Simulator(task))
+    clauses = {text: watched.now for text, watched in list(motion.clauses.items())[:MOST_CLAUSES]}
+    told = [_told(name, i * task.control_timestep, clauses, i) for i in range(len(frames))]
+    return Film([np.concatenate(pair) for pair in zip(frames, told, strict=True)], task.control_timestep)
+
+
+def beside(films: Sequence[Film]) -> Film:
+    """Several films in one, each from its start; one that is shorter keeps its last picture.
+
+    Raises:
+      UserError: if they do not run at the same pace.
+    """
+    if len({each.timestep for each in films}) > 1:
+        raise UserError("the motions have other times between two samples; render runs of one task side by side")
+    length, height = max(len(each.frames) for each in films), max(each.frames[0].shape[0] for each in films)
+    rows = [
+        [np.pad(frame, ((0, height - len(frame)), (0, 0), (0, 0)), constant_values=255) for frame in each.frames]
+        for each in films
+    ]
+    return Film(
+        [np.concatenate([row[min(i, len(row) - 1)] for row in rows], axis=1) for i in range(length)], films[0].timestep
     )
-    write_bytes(path.with_suffix(".gif"), film.getvalue())
-    _save(film_strip(frames, task.control_timestep), path.with_suffix(".png"))
+
+
+def write_film(shown: Film, path: Path) -> list[Path]:
+    """path.gif and path.png, six frames of it, and path.mp4 (H.264) where the extra `video` is installed.
+
+    Args:
+      shown: the film.
+      path: without suffix.
+
+    Returns:
+      The files.
+    """
+    gif, mp4, strip = (path.with_name(path.name + suffix) for suffix in (".gif", ".mp4", ".png"))
+    pictures = [Image.fromarray(frame).quantize(128) for frame in shown.frames]
+    animation = io.BytesIO()
+    pictures[0].save(
+        animation, format="GIF", save_all=True, append_images=pictures[1:], duration=1000 * shown.timestep, loop=0
+    )
+    write_bytes(gif, animation.getvalue())
+    _save(film_strip(shown.frames, shown.timestep), strip)
+    if importlib.util.find_spec("imageio_ffmpeg") is None:
+        return [gif, strip]
+    import imageio_ffmpeg
+
+    height, width, _ = shown.frames[0].shape
+    with tempfile.TemporaryDirectory() as folder:
+        own = Path(folder) / "film.mp4"
+        writer = imageio_ffmpeg.write_frames(
+            str(own), (width, height), fps=1 / shown.timestep, codec="libx264", macro_block_size=2, quality=7
+        )
+        writer.send(None)
+        for frame in shown.frames:
+            writer.send(np.ascontiguousarray(frame))
+        writer.close()
+        write_bytes(mp4, own.read_bytes())
+    return [mp4, gif, strip]
+
+
+def _told(name: str, time: float, clauses: Mapping[str, Array], step: int) -> Frame:
+    """What stands below a picture: (H, WIDTH, 3)."""
+    picture = Image.new("RGB", (WIDTH, LINE * (len(clauses) + 1) + 2 * EDGE), "white")
+    draw, font = ImageDraw.Draw(picture), ImageFont.load_default(size=LINE - 4)
+    draw.text((EDGE, EDGE), name, fill="black", font=font)
+    draw.text((WIDTH - EDGE, EDGE), f"{time:.2f} s", fill="black", font=font, anchor="ra")
+    for row, (text, now) in enumerate(clauses.items(), start=1):
+        value = now[min(step, len(now) - 1)]
+        y = EDGE + row * LINE
+        draw.rectangle((EDGE, y + 3, EDGE + 9, y + 12), outline="black", fill="black" if value > 0 else "white")
+        shown = text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
+        draw.text((EDGE + 16, y), shown, fill="black", font=font)
+        draw.text((WIDTH - EDGE, y), f"{value:+.3f}", fill="black", font=font, anchor="ra")
+    return np.array(picture)
 
 
 def render_start(task: Task, path: Path) -> None:
@@ -92,15 +175,17 @@ def film_strip(frames: list[Frame], timestep: float) -> Image.Image:
       frames: of the film.
       timestep: between two of them, s.
     """
-    strip = Image.new("RGB", (STRIP_COLUMNS * WIDTH, STRIP_ROWS * HEIGHT))
+    height, width, _ = frames[0].shape
+    columns = max(STRIP_FRAMES // 2 * WIDTH // width, 1)
+    strip = Image.new("RGB", (columns * width, -(-STRIP_FRAMES // columns) * height))
     draw = ImageDraw.Draw(strip)
     font = ImageFont.load_default(size=HEIGHT // 15)
     changes = [np.abs(np.subtract(a, b, dtype=float)).mean() for a, b in itertools.pairwise(frames)]
     seen = np.concatenate([[0.0], np.cumsum(changes)])
-    chosen = np.searchsorted(seen, np.linspace(0, seen[-1], STRIP_ROWS * STRIP_COLUMNS))
+    chosen = np.searchsorted(seen, np.linspace(0, seen[-1], STRIP_FRAMES))
     for place, i in enumerate(chosen):
-        row, column = divmod(place, STRIP_COLUMNS)
-        corner = (column * WIDTH, row * HEIGHT)
+        row, column = divmod(place, columns)
+        corner = (column * width, row * height)
         strip.paste(Image.fromarray(frames[i]), corner)
         draw.text((corner[0] + 10, corner[1] + 8), f"{i * timestep:.2f} s", fill="black", font=font)
     return strip

@@ -1,0 +1,41 @@
+"""Films: what stands below the pictures, several side by side, and the files; nothing is rendered here."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tltlrl.errors import UserError
+from tltlrl.reports.video import WIDTH, Film, _told, beside, write_film
+
+
+def frames(count, height=40, width=WIDTH):
+    return [np.full((height, width, 3), 20 * i, dtype=np.uint8) for i in range(count)]
+
+
+def test_below_a_picture_the_square_of_a_clause_is_full_where_it_holds_so_far():
+    low, high = (_told("a", 0.5, {"G safe": np.array([-1.0, 2.0])}, step) for step in (0, 1))
+    assert low.shape == high.shape
+    assert low.shape[1] == WIDTH
+    changed = np.argwhere((low != high).any(axis=2) & (np.arange(WIDTH) < 20))
+    assert len(changed) > 40
+    assert high[tuple(changed[len(changed) // 2])].max() == 0
+    assert low[tuple(changed[len(changed) // 2])].min() == 255
+
+
+def test_side_by_side_the_shorter_one_keeps_its_last_picture():
+    both = beside([Film(frames(2), 0.05), Film(frames(3, height=50), 0.05)])
+    assert [frame.shape for frame in both.frames] == [(50, 2 * WIDTH, 3)] * 3
+    assert [frame[0, 0, 0] for frame in both.frames] == [0, 20, 20]
+    assert both.frames[0][49, 0, 0] == 255
+    with pytest.raises(UserError, match="runs of one task"):
+        beside([Film(frames(2), 0.05), Film(frames(2), 0.1)])
+
+
+def test_the_files_of_a_film(tmp_path):
+    files = write_film(Film(frames(8, width=64), 0.05), tmp_path / "motion_0.3")
+    assert {path.name for path in files} >= {"motion_0.3.gif", "motion_0.3.png"}
+    with Image.open(tmp_path / "motion_0.3.gif") as gif:
+        assert (gif.n_frames, gif.info["duration"]) == (8, 50)
+    if (mp4 := tmp_path / "motion_0.3.mp4") in files:
+        assert mp4.read_bytes()[4:8] == b"ftyp"
+        assert b"avc1" in mp4.read_bytes()  # H.264
