@@ -20,8 +20,9 @@ COMMANDS = {
     "new": "a page and a spec for a robot of your own, from its MJCF file",
     "tasks": "the tasks; of one its signals, with what values they take",
     "evaluate": "trials of a learned policy and their success rate",
-    "render": "a picture of the workspace with the learned paths, and a video",
+    "render": "pictures of the learned paths and of the motion over time, and a film",
     "plot": "the learning curves of one or more experiments, from their CSV files",
+    "export": "the curves and clauses of an experiment for TensorBoard, also while it runs",
     "search": "the best values of a few keys of an experiment, by Optuna",
 }
 
