@@ -5,6 +5,7 @@ from __future__ import annotations
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
+from tltlrl.errors import shown
 from tltlrl.reports.tensorboard import export
 from tltlrl.resources import user_path
 
@@ -25,5 +26,5 @@ def run(arguments: Namespace) -> int:
     """
     output = arguments.output or Path("tensorboard") / arguments.experiment.resolve().name
     written = export(arguments.experiment, output, arguments.follow)
-    print(f"{output}: {len(written)} runs, {sum(written.values())} iterations; tensorboard --logdir {output}")
+    print(shown(f"{output}: {len(written)} runs, {sum(written.values())} iterations; tensorboard --logdir {output}"))
     return 0

@@ -62,15 +62,15 @@ def _compare(arguments: Namespace) -> int:
     names = names_of(folders)
     found = {name: read_summary(folder) for name, folder in zip(names, folders, strict=True)}
     for note in dict.fromkeys(note for _, notes in found.values() for note in notes):
-        print(f"tltl: {note}", file=sys.stderr)
+        print(shown(f"tltl: {note}"), file=sys.stderr)
     summaries = {name: summary for name, (summary, _) in found.items()}
     said = [*map(str, differences(summaries)), *map(str, over_tasks(list(summaries.values())))]
     if not said:
         raise UserError("--compare: the experiments have no case with common seeds, and no case in several tasks")
     if len({summary["task"].iloc[0] for summary in summaries.values()}) == 1:
         plot_cases({name: read_curves(folder)[0] for name, folder in zip(names, folders, strict=True)}, output)
-        print(", ".join(f"{output}{suffix}" for suffix in FORMATS))
-    print("\n".join(said))
+        print(shown(", ".join(f"{output}{suffix}" for suffix in FORMATS)))
+    print("\n".join(map(shown, said)))
     return 0
 
 
