@@ -79,9 +79,10 @@ def names_of(folders: Sequence[Path]) -> list[str]:
     import yaml
 
     from tltlrl.config.compare import flatten
+    from tltlrl.store.bounded import read_yaml
 
     try:
-        configs = [flatten(yaml.safe_load((folder / CONFIG).read_text(encoding="utf-8"))) for folder in folders]
+        configs = [flatten(read_yaml(folder / CONFIG)) for folder in folders]
     except (OSError, ValueError, AttributeError, yaml.YAMLError):
         return [str(folder) for folder in folders]
     keys = [
