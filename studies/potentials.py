@@ -1,6 +1,6 @@
 """Which potential step-based REPS learns best from: five candidates, and episode-based REPS beside them.
 
-All have the robustness as their last value. `hope` and `stages` are those of tltlrl.logic.potential; `upper` is the
+All have the robustness as their last value. `hope` and `stages` are those of tltlrl.logic.online; `upper` is the
 bound without a cut at 0; `ended_now` the robustness if the trajectory ended there; `guards` that, less STAGE for each
 guard that has still to be passed but the first, and how far the sample is from that one. Runs are as in `tltl-run`.
 
@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from tltlrl.config.compose import compose
 from tltlrl.config.read import read
 from tltlrl.logic import telescope
-from tltlrl.logic.monitor import Monitor, Reading
-from tltlrl.logic.potential import Potential, finite, hope, stages
-from tltlrl.logic.pursuit import Quick
+from tltlrl.logic.online.monitor import Monitor, Reading
+from tltlrl.logic.online.potential import Potential, finite, hope, stages
+from tltlrl.logic.online.pursuit import Quick
 from tltlrl.training import loop
 from tltlrl.training.build import first_policy, set_up
 

@@ -11,7 +11,7 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 import tltlrl.gym  # noqa: E402
 from tltlrl.errors import UserError  # noqa: E402
 from tltlrl.logic import parse_spec  # noqa: E402
-from tltlrl.logic.potential import finite  # noqa: E402
+from tltlrl.logic.online.potential import finite  # noqa: E402
 
 SHORT = "signal ee[2]\nspec: F[0,20] (ee.x > 0.5) & G (ee.y > -1)"
 

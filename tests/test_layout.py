@@ -75,6 +75,14 @@ def test_no_relative_imports():
         assert not any(isinstance(node, ast.ImportFrom) and node.level for node in nodes), name
 
 
+def test_the_monitor_knows_no_spec():
+    """What of `logic` stands above `logic.online` is not seen from there."""
+    inside = {name for name in MODULES if name.startswith("tltlrl.logic.online.")}
+    above = {name for name in MODULES if name.startswith("tltlrl.logic.") and imports(name) & inside} - inside
+    assert "tltlrl.logic.spec" in above
+    assert not above & set().union(*map(imports, inside))
+
+
 def test_no_circles_among_modules():
     rest = {name: imports(name) for name in MODULES}
     while free := [name for name, others in rest.items() if not others & rest.keys()]:

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from tltlrl.errors import UserError, nearest
 from tltlrl.logic import Spec, load_spec
-from tltlrl.logic.potential import FLOOR, finite, stages
+from tltlrl.logic.online.potential import FLOOR, finite, stages
 from tltlrl.registry import TASKS
 from tltlrl.resources import spec_path
 from tltlrl.simulation.stepping import Stepper

@@ -10,8 +10,8 @@ from typing import TextIO
 from tltlrl.cli.check import add_spec, constants_from, read_spec
 from tltlrl.errors import UserError
 from tltlrl.logic import Explanation, TraceError
-from tltlrl.logic.monitor import Reading
-from tltlrl.logic.stream import samples
+from tltlrl.logic.online.monitor import Reading
+from tltlrl.logic.online.stream import samples
 
 NOTES = """\
 Standard input holds one sample per line: CSV with a header, its columns named as for tltl check, or JSON objects such

@@ -10,8 +10,8 @@ docs/spec-language.md describes the language. This package needs NumPy and lark,
 from tltlrl.logic.errors import SpecError, TraceError
 from tltlrl.logic.explain import Explanation
 from tltlrl.logic.meaning import Region
-from tltlrl.logic.potential import telescope
 from tltlrl.logic.spec import Spec, load_spec, parse_spec
+from tltlrl.logic.telescope import telescope
 from tltlrl.logic.traps import Trap
 
 __all__ = ["Explanation", "Region", "Spec", "SpecError", "TraceError", "Trap", "load_spec", "parse_spec", "telescope"]

@@ -16,17 +16,17 @@ from tltlrl.logic.errors import Source, Span, SpecError, TraceError
 from tltlrl.logic.explain import Explanation, explain, nodes
 from tltlrl.logic.graph import BEGUN, Array
 from tltlrl.logic.meaning import Meaning, Region
-from tltlrl.logic.memory import Memory, NotFiniteError
-from tltlrl.logic.monitor import Monitor
 from tltlrl.logic.normalise import divided, predicates, spreads
+from tltlrl.logic.online.memory import Memory, NotFiniteError
+from tltlrl.logic.online.monitor import Monitor
+from tltlrl.logic.online.pursuit import Compiled, compiled
+from tltlrl.logic.online.witness import Witnessed
 from tltlrl.logic.parser import parse
 from tltlrl.logic.parts import Parts, clauses_of, parts, wanted
-from tltlrl.logic.pursuit import Compiled, compiled
 from tltlrl.logic.reach import beyond
 from tltlrl.logic.resolve import resolve
 from tltlrl.logic.semantics import Plan, Signals, plan
 from tltlrl.logic.traps import Trap, traps
-from tltlrl.logic.witness import Witnessed
 
 # Values of one block of trajectories: small enough that the arrays of a formula stay in a core's cache.
 BLOCK = 32_768

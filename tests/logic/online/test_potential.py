@@ -10,9 +10,9 @@ from strategies import batches, formulas
 from test_monitor import DECLARED
 
 from tltlrl.logic import load_spec, parse_spec, telescope
-from tltlrl.logic.potential import FLOOR, hope, stages
+from tltlrl.logic.online.potential import FLOOR, hope, stages
 
-SPECS = Path(__file__).parents[2] / "specs"
+SPECS = Path(__file__).parents[3] / "specs"
 
 
 @given(formulas(), batches(), st.sampled_from([hope, stages]))

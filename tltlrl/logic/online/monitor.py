@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tltlrl.logic.graph import Array
-from tltlrl.logic.memory import Memory
-from tltlrl.logic.pursuit import Compiled, Late, Quick, Whole
+from tltlrl.logic.online.memory import Memory
+from tltlrl.logic.online.pursuit import Compiled, Late, Quick, Whole
 from tltlrl.logic.semantics import Signals
 
 # (memory, signals, step) -> signals as (N, 1), values of nodes as (N,)

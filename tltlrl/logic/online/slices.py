@@ -7,7 +7,7 @@ import numpy as np
 
 from tltlrl.logic import scans
 from tltlrl.logic.graph import Array, Op
-from tltlrl.logic.terms import Obligations, Terms
+from tltlrl.logic.online.terms import Obligations, Terms
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 from tltlrl.logic.explain import Explanation, explain
 from tltlrl.logic.graph import BEGUN, Array, Op
 from tltlrl.logic.meaning import Meaning, Truth
-from tltlrl.logic.monitor import Monitor, Reading
-from tltlrl.logic.pursuit import Late, Quick
+from tltlrl.logic.online.monitor import Monitor, Reading
+from tltlrl.logic.online.pursuit import Late, Quick
 
 
 @dataclass(frozen=True, slots=True, eq=False)

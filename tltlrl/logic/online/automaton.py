@@ -14,7 +14,7 @@ from collections.abc import Iterable, Set
 from dataclasses import dataclass, field
 
 from tltlrl.logic.graph import FOREVER
-from tltlrl.logic.terms import Obligation, Obligations, Terms
+from tltlrl.logic.online.terms import Obligation, Obligations, Terms
 
 Guard = frozenset[int]  # literals
 Branch = tuple[Guard, Obligations]

@@ -8,9 +8,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from strategies import SIGNALS, formulas
 
-from tltlrl.logic import SpecError, TraceError, automaton, load_spec, parse_spec
+from tltlrl.logic import SpecError, TraceError, load_spec, parse_spec
+from tltlrl.logic.online import automaton
 
-SPECS = sorted((Path(__file__).parents[2] / "specs").glob("*.tltl"))
+SPECS = sorted((Path(__file__).parents[3] / "specs").glob("*.tltl"))
 NAMES = (*SIGNALS, "w", "b")
 DECLARED = "signal b: bool\n" + "".join(f"signal {name}\n" for name in NAMES[:-1]) + "spec: "
 seeds = st.integers(0, 2**32 - 1)

@@ -1,7 +1,7 @@
 """The conjuncts of a spec while trajectories run: all automata step together, on one array.
 
 Where a conjunct's automaton would be too large, because of a long window inside an unbounded operator, it runs as many
-steps late as the window is long, and the samples since then are evaluated as a slice (tltlrl.logic.slices). Where that
+steps late as the window is long, and the samples since then are evaluated as a slice (`slices`). Where that
 does not help, the whole past is kept: just as exact, and slower the longer it runs.
 """
 
@@ -12,12 +12,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tltlrl.logic.automaton import Automaton, Guard, Progress, TooLargeError
 from tltlrl.logic.graph import FOREVER, Array, Graph
-from tltlrl.logic.memory import Memory
+from tltlrl.logic.online.automaton import Automaton, Guard, Progress, TooLargeError
+from tltlrl.logic.online.memory import Memory
+from tltlrl.logic.online.slices import Ahead, Slice
+from tltlrl.logic.online.terms import Terms, UnsupportedError
 from tltlrl.logic.semantics import Plan, Signals, plan
-from tltlrl.logic.slices import Ahead, Slice
-from tltlrl.logic.terms import Terms, UnsupportedError
 
 Clock = tuple[int, int, bool]  # low, high, inside
 Indices = NDArray[np.intp]

@@ -18,15 +18,13 @@ by how much. The return from step t on, which is the robustness less what was sp
 learner that weighs whole returns, as step-based REPS does. docs/online.md shows what was measured.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from tltlrl.logic.graph import Array
-from tltlrl.logic.monitor import Monitor, Reading
-from tltlrl.logic.pursuit import Quick
-from tltlrl.logic.spec import Spec
+from tltlrl.logic.online.monitor import Monitor, Reading
+from tltlrl.logic.online.pursuit import Quick
 
 FLOOR = 10.0  # in the predicates' unit
 
@@ -51,38 +49,6 @@ def stages(monitor: Monitor, reading: Reading) -> Array:
             for states in _stages(pursuit):
                 phi = phi + np.minimum(finite(pursuit.alpha[states].max(axis=0)), 0.0)
     return phi
-
-
-def telescope(
-    spec: Spec,
-    signals: Mapping[str, ArrayLike],
-    lengths: ArrayLike | None = None,
-    phi: Potential = hope,
-) -> Array:
-    """Rewards r_t = Phi_t - Phi_{t-1} of whole trajectories, with Phi_{-1} = 0: they sum to the robustness.
-
-    Args:
-      spec: of the robustness.
-      signals, lengths: as for `Spec.robustness`.
-      phi: what a trajectory that goes on is worth.
-
-    Returns:
-      (N, T), 0 from a trajectory's length on.
-
-    Raises:
-      TraceError: as `Spec.robustness`.
-    """
-    last = finite(spec.robustness(signals, lengths))
-    arrays = {name: np.asarray(signals[name], dtype=np.float64) for name in spec.signals}
-    count, steps = next(iter(arrays.values())).shape[:2]
-    ends = np.full(count, steps) if lengths is None else np.asarray(lengths)
-    values = np.empty((count, steps))
-    monitor = spec.monitor(count)
-    for t in range(steps):
-        at = np.minimum(t, ends - 1)
-        reading = monitor.update({name: array[np.arange(count), at] for name, array in arrays.items()})
-        values[:, t] = np.where(t < ends - 1, phi(monitor, reading), last)
-    return np.diff(values, axis=1, prepend=0.0)
 
 
 def finite(values: Array) -> Array:
