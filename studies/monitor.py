@@ -1,6 +1,7 @@
 """Whether a monitor is exact: every prefix of random trajectories under random formulas, against whole evaluations.
 
-Formulas and promises are those of tests/logic (strategies.py, test_monitor.py), the formulas larger and more of them.
+Formulas and promises are those of tests/logic (strategies.py, online/test_monitor.py),
+the formulas larger and more of them.
 
     python -m studies.monitor --formulas 10000
 """
@@ -18,6 +19,7 @@ from hypothesis import HealthCheck, given, seed, settings
 from tltlrl.logic import parse_spec
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "logic"))
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "logic" / "online"))
 from strategies import formulas
 from test_monitor import DECLARED, check, samples, seeds
 

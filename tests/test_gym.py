@@ -12,6 +12,7 @@ import tltlrl.gym  # noqa: E402
 from tltlrl.errors import UserError  # noqa: E402
 from tltlrl.logic import parse_spec  # noqa: E402
 from tltlrl.logic.online.potential import finite  # noqa: E402
+from tltlrl.tasks.planar_arm.scene import PlanarArm  # noqa: E402
 
 SHORT = "signal ee[2]\nspec: F[0,20] (ee.x > 0.5) & G (ee.y > -1)"
 
@@ -51,7 +52,7 @@ def test_the_rewards_of_an_episode_sum_to_its_robustness(reward):
 
 
 def phi_at_start(arms):
-    arms.begin(0)
+    arms.begin(0, np.random.default_rng(0))
     return arms.judges[0]._phi
 
 
@@ -132,3 +133,15 @@ def test_a_spec_around_another_environment():
 def test_places_that_cannot_be_read(signals, problem):
     with pytest.raises(UserError, match=problem):
         tltlrl.gym.wrap(Walk(), parse_spec("F (x > 1)"), signals).reset()
+
+
+def test_an_episode_starts_where_the_tasks_spread_puts_it(monkeypatch):
+    monkeypatch.setattr(PlanarArm, "start_spread", np.full(3, 0.1))
+    make = {"spec": parse_spec(SHORT)}
+    alone = [tltlrl.gym.SpecEnv("reach_avoid", **make).reset(seed=seed)[0][:3] for seed in (5, 6, 5)]
+    together, _ = tltlrl.gym.SpecVectorEnv("reach_avoid", 2, **make).reset(seed=5)
+    still, _ = tltlrl.gym.SpecEnv("reach_avoid", noise=False, **make).reset(seed=5)
+    np.testing.assert_array_equal(alone[0], alone[2])
+    np.testing.assert_array_equal(together[:, :3], alone[:2])
+    assert 0 < np.abs(alone[0] - still[:3]).max() < 0.5
+    assert np.abs(alone[0] - alone[1]).max() > 0

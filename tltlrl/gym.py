@@ -30,7 +30,7 @@ from tltlrl.logic.online.potential import FLOOR, finite, stages
 from tltlrl.registry import TASKS
 from tltlrl.resources import spec_path
 from tltlrl.simulation.stepping import Stepper
-from tltlrl.tasks.task import Task, TaskEntry, draw_command_noise
+from tltlrl.tasks.task import Task, TaskEntry, draw_command_noise, draw_starts
 
 Array = NDArray[np.float64]
 REWARDS = ("telescoped", "final")
@@ -104,8 +104,8 @@ class _Arms:
     def size(self) -> int:
         return len(self.task.command_scale)
 
-    def begin(self, row: int) -> tuple[Any, dict[str, Any]]:
-        self.stepper.restart(np.arange(len(self.time)) == row)
+    def begin(self, row: int, rng: np.random.Generator) -> tuple[Any, dict[str, Any]]:
+        self.stepper.restart(row, draw_starts(self.task, 1, rng) if self.noise else None)
         self.time[row] = 0
         state, info = self.judges[row].begin(self._signals(row, np.zeros(self.size)))
         return self._observation(row, state), info
@@ -158,7 +158,7 @@ class SpecEnv(gymnasium.Env):  # type: ignore[misc]  # gymnasium may be missing
         """The first sample."""
         super().reset(seed=seed)
         del options
-        return self._arms.begin(0)
+        return self._arms.begin(0, self.np_random)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """One control step."""
@@ -201,7 +201,7 @@ class SpecVectorEnv(VectorEnv):  # type: ignore[misc]
         self._over[:] = False
         observations, infos = [], dict[str, Any]()
         for i in range(self.num_envs):
-            observation, info = self._arms.begin(i)
+            observation, info = self._arms.begin(i, self._random[i])
             observations.append(observation)
             infos = self._add_info(infos, info, i)
         return np.stack(observations), infos
@@ -218,7 +218,7 @@ class SpecVectorEnv(VectorEnv):  # type: ignore[misc]
         observations, rewards, infos = [], np.zeros(self.num_envs), dict[str, Any]()
         for i in range(self.num_envs):
             if again[i]:
-                observation, info = arms.begin(i)
+                observation, info = arms.begin(i, self._random[i])
                 self._over[i] = False
             else:
                 observation, rewards[i], self._over[i], info = arms.judged(i, commands[i])

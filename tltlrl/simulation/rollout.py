@@ -54,6 +54,23 @@ def sensors_at(model: mujoco.MjModel, data: mujoco.MjData, states: Array) -> Arr
     return values
 
 
+def starting_states(model: mujoco.MjModel, start: Array, count: int, pushes: Array | None) -> Array:
+    """The full physics states at s_0, (count, size): the task's `start`, the first of them moved.
+
+    Args:
+      model: whose states.
+      start: of the task, (size,).
+      count: of the states.
+      pushes: how far the first M start from there, shape (M, nv), rad or m.
+    """
+    states = np.tile(start, (count, 1))
+    for state, push in zip(states, () if pushes is None else pushes, strict=False):
+        qpos = state[1 : 1 + model.nq].copy()
+        mujoco.mj_integratePos(model, qpos, push, 1.0)
+        state[1 : 1 + model.nq] = qpos
+    return states
+
+
 @dataclass(frozen=True)
 class Trajectories:
     """N trajectories of at most T samples.
@@ -126,7 +143,7 @@ class Simulator:
         commands = offsets.transpose(1, 0, 2).copy()  # the caller's stay as they are
         noise = np.ascontiguousarray(command_noise.transpose(1, 0, 2))
         path = np.empty((steps, n, self._start.size))  # the full physics states at the samples
-        path[0] = self._starts(n, starts)
+        path[0] = starting_states(self._model, self._start, n, starts)
         control = np.empty((n, count, d))
         states = np.empty((n, count, self._start.size))
         sensors = np.empty((n, count, self._model.nsensordata))
@@ -186,14 +203,3 @@ class Simulator:
             path[-1, :, 1 : 1 + nq],
             path[-1, :, 1 + nq : 1 + nq + nv],
         )
-
-    def _starts(self, count: int, starts: Array | None) -> Array:
-        """The states at s_0, (count, size of the full physics state)."""
-        state = np.tile(self._start, (count, 1))
-        if starts is not None:
-            nq = self._model.nq
-            for row, push in zip(state[: len(starts)], starts, strict=True):
-                qpos = row[1 : 1 + nq].copy()
-                mujoco.mj_integratePos(self._model, qpos, push, 1.0)
-                row[1 : 1 + nq] = qpos
-        return state

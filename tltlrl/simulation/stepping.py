@@ -10,7 +10,7 @@ import mujoco.rollout
 import numpy as np
 from numpy.typing import NDArray
 
-from tltlrl.simulation.rollout import of_forces, sensors_at
+from tltlrl.simulation.rollout import of_forces, sensors_at, starting_states
 from tltlrl.tasks.task import Task
 
 Array = NDArray[np.float64]
@@ -38,10 +38,11 @@ class Stepper:
         self._forces = sensors_at(self._model, self._data, self._state)
         self.features = self._features()
 
-    def restart(self, rows: Array | NDArray[np.bool_]) -> None:
-        """Puts some robots at their start."""
-        self._state[rows] = self._start
-        self._forces[rows] = sensors_at(self._model, self._data, self._start[None])
+    def restart(self, row: int, push: Array | None = None) -> None:
+        """Puts one robot at its start, or as far from there as `push` says, shape (1, nv), rad or m."""
+        state = starting_states(self._model, self._start, 1, push)
+        self._state[row] = state[0]
+        self._forces[row] = sensors_at(self._model, self._data, state)[0]
         self.features = self._features()
 
     def step(self, commands: Array) -> None:
