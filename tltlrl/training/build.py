@@ -224,7 +224,7 @@ def check(study: Study) -> None:
         if case.reward == TLTL and LEARNERS.get(case.learner).by_step and study.algorithm.told == "leximin":
             raise UserError(
                 f"algorithm.told: leximin is a rank among whole trajectories, and {case.name} learns step by step; "
-                "expected robustness or normalised; set it, or leave the case out"
+                "expected robustness; set it, or leave the case out"
             )
     first = {run.case: run for run in reversed(study.runs())}
     task = make_task(study.task)
