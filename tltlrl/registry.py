@@ -81,7 +81,11 @@ TASKS = Registry(
         "visit_in_order": "tltlrl.tasks.planar_arm:VISIT_IN_ORDER",
         "toast": "tltlrl.tasks.toast:TOAST",
     },
-    {"mjcf": "tltlrl.tasks.mjcf:MJCF"},
+    {
+        "mjcf": "tltlrl.tasks.mjcf:MJCF",
+        "gymnasium": "tltlrl.tasks.foreign:GYMNASIUM",
+        "suite": "tltlrl.tasks.foreign:SUITE",
+    },
 )
 LEARNERS = Registry(
     "learner",

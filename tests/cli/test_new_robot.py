@@ -115,7 +115,7 @@ def test_a_spec_to_begin_with_and_the_list_of_tasks(capsys):
     capsys.readouterr()
     assert tltl("tasks") == 0
     names = [line.split()[0] for line in capsys.readouterr().out.splitlines()]
-    assert names == ["reach_avoid", "visit_in_order", "toast", "FILE.yaml"]
+    assert names == ["reach_avoid", "visit_in_order", "toast", "gymnasium", "suite", "FILE.yaml"]
 
 
 def test_the_example_is_a_robot_and_its_spec_fits():

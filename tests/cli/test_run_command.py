@@ -411,7 +411,7 @@ MISTAKES = {
     ),
     ("experiment=reach_avoid", "workers=0"): "tltl-run: workers: 0 is too small; it must be at least 1",
     ("experiment=reach_avoid", "task=planar"): (
-        "tltl-run: task=planar: there is no such task; there are: reach_avoid, toast, visit_in_order"
+        "tltl-run: task=planar: there is no such task; there are: gymnasium, reach_avoid, suite, toast, visit_in_order"
     ),
     ("experiment=reach_avoid", "task.link_lengths=[1,1]"): (
         "tltl-run: task.link_lengths: [1.0, 1.0] must be three positive lengths, m"

@@ -145,7 +145,7 @@ def test_a_packages_learner_has_settings_of_its_own():
 def test_help_shows_a_packages_task_and_its_learners_settings(capsys):
     assert cli.run(["task=short_arm", "cases=[tltl_careful]", "--help"]) == 0
     page = capsys.readouterr().out
-    assert "Tasks: broken, reach_avoid, short_arm, toast, visit_in_order\n" in page
+    assert "Tasks: broken, gymnasium, reach_avoid, short_arm, suite, toast, visit_in_order\n" in page
     assert "    steps: 12                      # samples of one episode\n" in page
     assert "    caution: 0.5                   # how much less it trusts its samples, as a share\n" in page
 

@@ -21,7 +21,7 @@ from tltlrl.logic import Spec, load_spec
 from tltlrl.logic.trace import write_recording
 from tltlrl.resources import user_path
 from tltlrl.simulation.motion import MEASURES, measures
-from tltlrl.simulation.rollout import Simulator
+from tltlrl.simulation.simulator import simulator_of
 from tltlrl.simulation.trials import mean_motion
 from tltlrl.training.build import make_task
 from tltlrl.training.study import MOST_TRIALS, Run
@@ -78,7 +78,7 @@ def _tell(learned: Run, policy: Policy, arguments: Namespace) -> None:
             f"(95 % Wilson interval {interval.low:.2f} to {interval.high:.2f})"
         )
     task = make_task(learned.task)
-    simulator = Simulator(task)
+    simulator = simulator_of(task)
     found = measures(task, learned.spec, mean_motion(simulator, policy), simulator.command_range)
     print("the noise-free motion of the mean policy:")
     for name, value in found.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from tltlrl.errors import UserError
 def add_arguments(parser: ArgumentParser) -> None:
     """Adds the arguments of `tltl tasks`."""
     parser.add_argument("task", metavar="NAME|FILE", nargs="?", help="a task by its name, or the page of a robot")
+    parser.add_argument("id", metavar="ID", nargs="?", help="the environment, where the task is gymnasium or suite")
     parser.add_argument("--picture", type=Path, metavar="FILE.png", help="the scene at the start, with its axes")
 
 
@@ -29,7 +31,7 @@ def run(arguments: Namespace) -> int:
     if arguments.task is None:
         print(_all())
         return 0
-    from tltlrl.config.compose import is_page
+    from tltlrl.config.compose import FOREIGN, is_page
     from tltlrl.registry import TASKS
     from tltlrl.simulation.probe import ranges_seen
 
@@ -39,6 +41,12 @@ def run(arguments: Namespace) -> int:
         config = config_of(path_of(arguments.task))
     else:
         config = TASKS.get(arguments.task).config()
+        if arguments.id is not None:
+            if arguments.task not in FOREIGN:
+                raise UserError(
+                    f"{arguments.id}: only {' and '.join(FOREIGN)} have environments by their id; leave it out"
+                )
+            config = dataclasses.replace(config, id=arguments.id)
     task = TASKS.get(config.name).make(config)
     seconds = task.steps * task.control_timestep
     print(f"{task.name}: {task.steps} samples, one every {task.control_timestep:g} s, {seconds:g} s in all")
@@ -53,7 +61,8 @@ def run(arguments: Namespace) -> int:
         from tltlrl.reports.video import render_start
 
         render_start(task, arguments.picture)
-        print(f"{arguments.picture}: the scene at the start, the x axis red, y green, z blue")
+        axes = ", the x axis red, y green, z blue" if task.outside is None else ""
+        print(f"{arguments.picture}: the scene at the start{axes}")
     return 0
 
 
@@ -65,5 +74,7 @@ def _all() -> str:
         entry = TASKS.get(name)
         rewards = ", ".join(entry.hand_made) or "none"
         lines.append(f"{name:<16} spec {entry.spec or 'none'}; hand-made rewards: {rewards}")
+    lines.append(f"{'gymnasium ID':<16} an environment of Gymnasium; hand-made rewards: environment")
+    lines.append(f"{'suite ID':<16} an environment of dm_control's suite; hand-made rewards: environment")
     lines.append(f"{'FILE.yaml':<16} a robot of your own; tltl new MODEL.xml makes one")
     return "\n".join(lines)

@@ -21,6 +21,13 @@ from tltlrl.store.bounded import BoundsError, check_yaml
 GROUPS = ("experiment", "task", "reward", "algorithm", "engine")  # chosen by the name of a file in configs/
 TEXTS = ("name", "spec", "runs_dir", "policy", "algorithm.policy")  # whatever is written there is the value
 LISTS = ("cases", "seeds")
+FOREIGN = ("gymnasium", "suite")  # tasks that are an environment of others, by its task.id
+OPEN = (  # sections whose keys may be missing from the config
+    "constants.",
+    "algorithm.",
+    "reward.step.",
+    *(f"task.{key}." for key in ("actuators", "feedback", "signals", "start")),
+)
 WORDS = ("null", "true", "false", "nan", "inf")  # that Hydra reads as no text
 
 
@@ -61,6 +68,8 @@ def as_meant(override: str, several: bool = False) -> str:
         parts = value.split(",") if several and not user_path(value).exists() else [value]
         own = "algorithm.policy" if name == "policy" else key
         return f"{own}={','.join(map(_text, parts))}"
+    if name.startswith("task.signals.") and not value.startswith("[") and not several:
+        return f"{key}={_text(value)}"
     if name in LISTS and not several and re.fullmatch(r"\w+(, *\w+)*,?", value) and (name == "cases" or "," in value):
         return f"{key}=[{value.rstrip(',')}]"
     return override
@@ -109,6 +118,11 @@ def completed(overrides: Sequence[str]) -> list[str]:
 
         path = robot.path_of(task)
         standing, name = robot.standing(path), robot.offer(path)
+    elif task in FOREIGN:
+        if task == "suite" and "task.name" in given:  # as dm_control calls it; the name is that of the kind of task
+            addable = [re.sub(r"^task\.name=", "task.id=", override) for override in addable]
+            given["task.id"] = given["task.name"]
+        standing["name"] = given.get("task.id", task).replace("/", "_")
     elif (spec := spec_of(task)) is not None:
         standing["spec"] = spec
     chosen = ["~experiment", f"+reward={given.get('reward', name)}", f"+task={name}"]  # the last is looked for first
@@ -189,7 +203,7 @@ def _offer_tasks() -> None:
     """Tells Hydra of the tasks of installed packages, which have no files in configs/: their defaults are in code."""
     from hydra.core.config_store import ConfigStore
 
-    for name in TASKS.names():
+    for name in (*TASKS.names(), *FOREIGN):
         if name in TASKS.built_in:
             continue
         with contextlib.suppress(Exception):  # told to those who choose it
@@ -231,12 +245,12 @@ def complaints_told(overrides: Sequence[str]) -> Iterator[None]:
 def names(group: str) -> list[str]:
     """What can be chosen of a group: the files that come with tltlrl, and the tasks of installed packages."""
     files = {path.stem for path in (CONFIGS / group).glob("*.yaml")}
-    return sorted(files.union(TASKS.names()) if group == "task" else files)
+    return sorted(files.union(TASKS.names(), FOREIGN) if group == "task" else files)
 
 
 def _addable(override: str) -> str:
-    """Hydra wants ++ before a key that the config may not have yet: a spec's constant, a learner's own setting."""
-    return f"++{override}" if override.startswith(("constants.", "algorithm.")) else override
+    """Hydra wants ++ before a key that the config may not have yet: a spec's constant, a learner's own, a name."""
+    return f"++{override}" if override.startswith(OPEN) else override
 
 
 def one_seed(value: str | None) -> str:

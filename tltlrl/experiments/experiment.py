@@ -58,7 +58,7 @@ from tltlrl.store.layout import (
     WORKSPACE,
 )
 from tltlrl.store.run import DamagedError, read_checkpoint, read_results, shelve_checkpoint
-from tltlrl.training.build import cut_windows, make_task
+from tltlrl.training.build import cut_windows, make_task, unlike_resets
 from tltlrl.training.session import check_policy, learned_policy, shorter_run
 from tltlrl.training.study import Run, Study, with_later
 
@@ -98,8 +98,8 @@ def run_experiment(study: Study, machinery: Machinery, command: list[str]) -> bo
             notes.append(f"{MANIFEST} is not as it was written: its config is put right, the rest is kept as it stands")
             before = put_right(whole, before)
             write_json(folder / MANIFEST, before)
-        if missing and (note := cut_windows(study)):
-            notes.append(note)
+        if missing:
+            notes += filter(None, (cut_windows(study), unlike_resets(study)))
         if missing or before is None:  # otherwise nothing here is of this session, and the manifest stays as it is
             session = start_session(command)
             write_json(folder / MANIFEST, manifest(whole, before, session))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tltlrl.learning.policy import Policy
 from tltlrl.logic import Explanation, Region, Spec, SpecError
-from tltlrl.simulation.rollout import Simulator
+from tltlrl.simulation.simulator import Simulates
 from tltlrl.simulation.trials import mean_motion
 from tltlrl.tasks.task import Signals, Task
 
@@ -54,7 +54,7 @@ class Motion:
     why: Explanation
 
 
-def watch(task: Task, spec: Spec, policy: Policy, simulator: Simulator) -> Motion:
+def watch(task: Task, spec: Spec, policy: Policy, simulator: Simulates) -> Motion:
     """The motion of the mean policy without noise, up to where the episode ends.
 
     Args:

@@ -25,7 +25,7 @@ from tltlrl.reports.motion import watch
 from tltlrl.reports.player import player
 from tltlrl.reports.plotting import LABELS, PANELS, near_zero
 from tltlrl.reports.report import HOW_DECIDED, judged_besides
-from tltlrl.simulation.rollout import Simulator
+from tltlrl.simulation.simulator import simulator_of
 from tltlrl.store.clauses import CLAUSE, DECIDES
 from tltlrl.store.files import write_text
 from tltlrl.store.layout import PAGE, WORKSPACE, run_of
@@ -227,7 +227,7 @@ def _code(text: str) -> str:
 
 def _motions(folder: Path, study: Study, finished: Mapping[Path, Mapping[str, Any]]) -> str:
     task = make_task(study.task)
-    simulator = Simulator(task)
+    simulator = simulator_of(task)
     parts = []
     for case in dict.fromkeys(run_of(path)[0] for path in finished):
         runs = [path for path in finished if run_of(path)[0] == case]

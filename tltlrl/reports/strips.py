@@ -14,7 +14,7 @@ from tltlrl.learning.policy import Policy
 from tltlrl.reports.motion import Motion, Watched, watch
 from tltlrl.reports.plotting import own_style, save
 from tltlrl.reports.workspace import TIME, WIDTH, draw_path, draw_regions, title_of, views_of
-from tltlrl.simulation.rollout import Simulator
+from tltlrl.simulation.simulator import simulator_of
 from tltlrl.tasks.task import Task
 from tltlrl.training.build import make_task
 from tltlrl.training.study import Run
@@ -40,7 +40,7 @@ def strips_figure(run: Run, policy: Policy) -> Figure:
       policy: learned by it.
     """
     task = make_task(run.task)
-    motion = watch(task, run.spec, policy, Simulator(task))
+    motion = watch(task, run.spec, policy, simulator_of(task))
     views = [] if motion.path is None else views_of(motion.path)
     clauses = dict(list(motion.clauses.items())[:MOST_CLAUSES])
     with own_style():

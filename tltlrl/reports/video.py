@@ -21,11 +21,11 @@ from tltlrl.errors import UserError
 from tltlrl.learning.policy import Policy
 from tltlrl.logic import Region, Spec
 from tltlrl.reports.motion import watch
-from tltlrl.simulation.rollout import Simulator
+from tltlrl.simulation.simulator import simulator_of
 from tltlrl.simulation.trials import mean_motion
 from tltlrl.store.files import write_bytes
 from tltlrl.tasks.environment import environment
-from tltlrl.tasks.task import Task
+from tltlrl.tasks.task import Outside, Task
 from tltlrl.training.build import make_evaluation_task
 from tltlrl.training.study import Run
 
@@ -68,7 +68,7 @@ def film(run: Run, policy: Policy, name: str) -> Film:
     """
     task = make_evaluation_task(run.task)
     frames = motion_frames(task, run.spec, policy)
-    motion = watch(task, run.spec, policy, Simulator(task))
+    motion = watch(task, run.spec, policy, simulator_of(task))
     clauses = {text: watched.now for text, watched in list(motion.clauses.items())[:MOST_CLAUSES]}
     told = [_told(name, i * task.control_timestep, clauses, i) for i in range(len(frames))]
     return Film([np.concatenate(pair) for pair in zip(frames, told, strict=True)], task.control_timestep)
@@ -145,7 +145,7 @@ def _told(name: str, time: float, clauses: Mapping[str, Array], step: int) -> Fr
 
 
 def render_start(task: Task, path: Path) -> None:
-    """The scene at the start with the world's axes: x red, y green, z blue.
+    """The scene at the start with the world's axes: x red, y green, z blue; of an environment its own picture.
 
     Args:
       task: of which scene.
@@ -154,6 +154,11 @@ def render_start(task: Task, path: Path) -> None:
     Raises:
       UserError: if no renderer is to be had on this machine.
     """
+    if task.outside is not None:
+        own = task.outside.make(True)
+        own.reset(task.outside.seed or 0)
+        _save(Image.fromarray(own.picture(HEIGHT, WIDTH)), path)
+        return
     env = environment(task, noise=False)
     env.reset()
     option = MjvOption()
@@ -193,8 +198,10 @@ def film_strip(frames: list[Frame], timestep: float) -> Image.Image:
 
 def motion_frames(task: Task, spec: Spec, policy: Policy) -> list[Frame]:
     """One picture per sample, (HEIGHT, WIDTH, 3): the environment stepped with the mean policy's commands."""
+    if task.outside is not None:
+        return _own_frames(task, task.outside, policy)
     places = [region for region in spec.regions if region.signal == "ee" or task.units.get(region.signal or "") == "m"]
-    commands = mean_motion(Simulator(task), policy).commands[0]
+    commands = mean_motion(simulator_of(task), policy).commands[0]
     env = environment(task, noise=False)
     frames, timestep = [], env.reset()
     for command in commands:
@@ -202,6 +209,18 @@ def motion_frames(task: Task, spec: Spec, policy: Policy) -> list[Frame]:
         if timestep.last():
             break
         timestep = env.step(command)
+    return frames
+
+
+def _own_frames(task: Task, outside: Outside, policy: Policy) -> list[Frame]:
+    """The pictures that the environment has of itself along the mean motion."""
+    motion = mean_motion(simulator_of(task), policy)
+    env = outside.make(True)
+    env.reset(outside.seed or 0)
+    frames = [env.picture(HEIGHT, WIDTH)]
+    for command in motion.commands[0, : motion.lengths[0] - 1]:
+        env.step(np.clip(command, *outside.command_range))
+        frames.append(env.picture(HEIGHT, WIDTH))
     return frames
 
 

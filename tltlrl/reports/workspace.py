@@ -22,7 +22,7 @@ from tltlrl.logic import Region
 from tltlrl.reports.labels import Label, place
 from tltlrl.reports.motion import Motion, entries, has_path, path_of, watch
 from tltlrl.reports.plotting import LABELS, own_style, save
-from tltlrl.simulation.rollout import Simulator
+from tltlrl.simulation.simulator import simulator_of
 from tltlrl.tasks.task import Task
 from tltlrl.training.build import make_task
 from tltlrl.training.study import Run
@@ -56,7 +56,7 @@ def workspace_figure(run: Run, policy: Policy, count: int = 20) -> Figure:
       count: sampled paths, with the policy's remaining exploration and the actuators' noise.
     """
     task = make_task(run.task)
-    simulator = Simulator(task)
+    simulator = simulator_of(task)
     rng = np.random.default_rng([run.seed, run.algorithm.iterations])
     sampled = simulator.rollout(policy.gain, policy.sample(count, rng), simulator.draw_command_noise(count, rng))
     sampled_paths = path_of(task, run.spec, sampled.features, task.signals(sampled.features, sampled.commands))

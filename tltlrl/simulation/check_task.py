@@ -17,7 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tltlrl.errors import UserError, nearest
-from tltlrl.simulation.rollout import Simulator, Trajectories, substeps
+from tltlrl.simulation.outside import unlike
+from tltlrl.simulation.rollout import Trajectories, substeps
+from tltlrl.simulation.simulator import simulator_of
 from tltlrl.tasks.environment import environment
 from tltlrl.tasks.task import MOST_STEPS, Quantity, Task
 
@@ -39,7 +41,7 @@ def check_task(task: Task) -> None:
     Raises:
       UserError: naming the task, each rule that it breaks, and what is wrong.
     """
-    for stage in STAGES:
+    for stage in STAGES if getattr(task, "outside", None) is None else (STAGES[0], *OUTSIDE):
         wrong = [f"  {name}: {what}" for name, rule in stage.items() for what in _told(rule, task)]
         if wrong:
             name = getattr(task, "name", type(task).__name__)
@@ -224,7 +226,7 @@ def _reference(task: Task) -> Iterator[str]:
 
 def _signals(task: Task) -> Iterator[str]:
     rng = np.random.default_rng(1)
-    states = _observed(task)
+    states = _observed(task) if task.outside is None else _motion(task).features[:, -1]
     features = states[rng.integers(COUNT, size=(COUNT, task.steps))]
     commands = task.command_scale * rng.standard_normal((COUNT, task.steps, _commands(task)))
     signals = task.signals(features, commands)
@@ -323,12 +325,17 @@ def _repeatable(task: Task) -> Iterator[str]:
         yield "the dm_env view gives other features to the same seed"
 
 
+def _resets(task: Task) -> Iterator[str]:
+    if task.outside is not None and (where := unlike(task, task.outside)) is not None:
+        yield f"two resets with one seed differ in {where}"
+
+
 def _motion(task: Task) -> Trajectories:
     """Random commands around those of the reference, sent to a new simulator."""
     commands = task.reference()[1][None, :MOST_SAMPLES]
     noise = np.random.default_rng(0).standard_normal((COUNT, *commands.shape[1:]))
     offsets = commands + PUSH * task.command_scale * noise
-    return Simulator(task).rollout(np.zeros_like(task.feedback), offsets, np.zeros_like(offsets))
+    return simulator_of(task).rollout(np.zeros_like(task.feedback), offsets, np.zeros_like(offsets))
 
 
 STAGES: tuple[dict[str, Rule], ...] = (
@@ -359,4 +366,8 @@ STAGES: tuple[dict[str, Rule], ...] = (
         "end_effector": _end_effector,
     },
     {"stepping": _stepping, "repeatable": _repeatable},
+)
+OUTSIDE: tuple[dict[str, Rule], ...] = (  # of a task that an environment stands behind, instead of the last two
+    {"reference": _reference, "signals": _signals, "joints": _joints, "end_effector": _end_effector},
+    {"repeatable": _resets},
 )

@@ -6,11 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tltlrl.errors import UserError
-from tltlrl.simulation.rollout import Simulator
+from tltlrl.simulation.simulator import simulator_of
 from tltlrl.tasks.task import Signals, Task
 
 Array = NDArray[np.float64]
 COUNT = 8  # trajectories
+FEW = 200  # samples of each, where an environment steps one after the other
 
 
 def ranges_seen(task: Task, rng: np.random.Generator) -> dict[str, tuple[Array, Array]]:
@@ -38,11 +39,11 @@ def reached(task: Task, signal: str, rng: np.random.Generator) -> tuple[Array, A
 
 
 def _signals_seen(task: Task, rng: np.random.Generator) -> Signals:
-    commands = task.reference()[1]
+    commands = task.reference()[1] if task.outside is None else task.reference()[1][:FEW]
     push = task.command_scale * rng.uniform(-1, 1, (COUNT, *commands.shape))
     push[COUNT // 2 :] = push[COUNT // 2 :, :1]
     try:
-        motion = Simulator(task).rollout(np.zeros_like(task.feedback), commands + push, np.zeros_like(push))
+        motion = simulator_of(task).rollout(np.zeros_like(task.feedback), commands + push, np.zeros_like(push))
     except FloatingPointError as error:
         raise UserError(f"task: under random commands of full size {error}") from None
     return task.signals(motion.features, motion.commands)

@@ -72,6 +72,42 @@ class Joints:
     speeds: str = "speeds"
 
 
+class Stepping(Protocol):
+    """One environment that steps by itself."""
+
+    def reset(self, seed: int) -> Array:
+        """The first observations, (n,)."""
+
+    def step(self, command: Array) -> tuple[Array, float, bool]:
+        """One step: observations (n,), reward, and whether the episode is over.
+
+        Raises:
+          FloatingPointError: if it diverged.
+        """
+
+    def picture(self, height: int, width: int) -> NDArray[np.uint8]:
+        """What it looks like now, (height, width, 3).
+
+        Raises:
+          UserError: if it has no pictures here.
+        """
+
+
+@dataclass(frozen=True)
+class Outside:
+    """What makes the trajectories of a task that is no model of ours.
+
+    Attributes:
+      make: a new environment, with pictures or without.
+      command_range: the least and the most of each command, (d,) each.
+      seed: of the start; None where each trajectory has a start of its own.
+    """
+
+    make: Callable[[bool], Stepping]
+    command_range: tuple[Array, Array]
+    seed: int | None
+
+
 class Task(abc.ABC):
     """A robot, its start, its features s_t (`observation`), its commands u_t (`action`) and its signals.
 
@@ -97,6 +133,8 @@ class Task(abc.ABC):
         for pictures of the plane.
       joints: the names of what moves, for measures of motion and for calm motions.
       end_effector: the group of features that is its position, m, for the length of its path.
+      outside: an environment that steps by itself, in the place of `make_physics` and `features`; its observations and,
+        last, the reward that led to them are the features.
     """
 
     name: str
@@ -114,6 +152,7 @@ class Task(abc.ABC):
     skeleton: Callable[[Array], Array] | None = None
     joints: Joints | None = None
     end_effector: str | None = None
+    outside: Outside | None = None
 
     @cached_property
     def slices(self) -> Mapping[str, slice]:

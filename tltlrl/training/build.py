@@ -19,8 +19,9 @@ from tltlrl.learning.learner import Learner
 from tltlrl.learning.policy import Policy
 from tltlrl.logic import Spec
 from tltlrl.registry import LEARNERS, TASKS
+from tltlrl.simulation.outside import unlike
 from tltlrl.simulation.probe import ranges_seen
-from tltlrl.simulation.rollout import Simulator
+from tltlrl.simulation.simulator import Simulates, simulator_of
 from tltlrl.simulation.trials import mean_motion
 from tltlrl.store.files import arrays_in
 from tltlrl.store.run import UNREADABLE
@@ -43,7 +44,7 @@ class Setup:
     """
 
     task: Task
-    simulator: Simulator
+    simulator: Simulates
     reward: StepReward | None
     learner: Learner[Any]
     told: Spec
@@ -66,7 +67,7 @@ class Samples:
     starts: Array | None
 
 
-def draw(run: Run, learner: Learner[Any], simulator: Simulator, state: Any, iteration: int) -> Samples:
+def draw(run: Run, learner: Learner[Any], simulator: Simulates, state: Any, iteration: int) -> Samples:
     """The samples of an iteration; they depend on its number, the seed and the learner's state alone."""
     rng = np.random.default_rng([run.seed, iteration])
     policy = learner.policy(state)
@@ -84,7 +85,7 @@ def set_up(run: Run) -> Setup:
       UserError: if the spec lacks what the hand-made reward needs, or the learner's settings do not fit.
     """
     task = make_task(run.task)
-    simulator, learner = Simulator(task), make_learner(run, run.stage(0))
+    simulator, learner = simulator_of(task), make_learner(run, run.stage(0))
     told = run.spec
     if run.algorithm.normalise:
         drawn = draw(run, learner, simulator, learner.start(first_policy(task, run.algorithm)), 0)
@@ -156,7 +157,7 @@ def first_policy(task: Task, algorithm: AlgorithmConfig) -> Policy:
             f"algorithm.policy: {algorithm.policy} is a policy of {n} features, {d} commands and {len(policy.mean)} "
             f"steps; {task.name} has {task.width}, {len(task.command_scale)} and {task.steps}; give one of this task"
         )
-    return refined_policy(task, Simulator(task), policy, algorithm)
+    return refined_policy(task, simulator_of(task), policy, algorithm)
 
 
 def policy_of(saved: Mapping[str, NDArray[np.generic]]) -> Policy:
@@ -172,7 +173,7 @@ def policy_of(saved: Mapping[str, NDArray[np.generic]]) -> Policy:
     return Policy(gain, mean, covariance, float(saved["correlation"]))
 
 
-def refined_policy(task: Task, simulator: Simulator, policy: Policy, algorithm: AlgorithmConfig) -> Policy:
+def refined_policy(task: Task, simulator: Simulates, policy: Policy, algorithm: AlgorithmConfig) -> Policy:
     """The same about the mean motion of a policy that was learned: K may be another one.
 
     Commands beyond what the actuators can do are cut to it, so that exploration about them is felt.
@@ -233,10 +234,21 @@ def check(study: Study) -> None:
             make_learner(run, stage).start(first_policy(task, stage.algorithm))
         make_reward(run)
     _check_signals(study.spec, task)
-    Simulator(task)
-    if study.task.name in TASKS.described:  # a stranger's model
+    simulator_of(task)
+    if study.task.name == "mjcf":  # a stranger's model
         ranges_seen(task, np.random.default_rng(0))
         make_evaluation_task(study.task)
+
+
+def unlike_resets(study: Study) -> str | None:
+    """Says that an environment is not the same after two resets with one seed, if it is not."""
+    task = make_task(study.task)
+    if task.outside is None or (where := unlike(task, task.outside)) is None:
+        return None
+    return (
+        f"two resets of {study.task.id} with one seed differ in {where}: the same command will not give the same "
+        "bytes, and what is resumed is not what it would have been"
+    )
 
 
 def cut_windows(study: Study) -> str | None:

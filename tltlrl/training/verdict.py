@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tltlrl.learning.policy import Policy
 from tltlrl.logic import reasons
 from tltlrl.simulation.motion import measures
-from tltlrl.simulation.rollout import Simulator
+from tltlrl.simulation.simulator import simulator_of
 from tltlrl.simulation.trials import mean_motion, trials
 from tltlrl.tasks.task import Signals
 from tltlrl.training.build import Setup, make_evaluation_task, make_task
@@ -39,7 +39,7 @@ class Trials:
 def try_policy(run: Run, policy: Policy, count: int, rng: np.random.Generator) -> Trials:
     """`count` trials of the mean policy."""
     task = make_evaluation_task(run.task)
-    motion = trials(Simulator(task), policy, count, rng)
+    motion = trials(simulator_of(task), policy, count, rng)
     signals = task.signals(motion.features, motion.commands)
     robustness = run.spec.robustness(signals, motion.lengths)
     return Trials(robustness, task.outcomes(motion.last_qpos, motion.last_qvel), signals, motion.lengths)
@@ -63,7 +63,7 @@ class Motions:
 def motions(run: Run, policy: Policy, samples: int, rng: np.random.Generator) -> Motions:
     """The mean motion, without any noise, and after it sampled ones, with exploration and the actuators' noise."""
     task = make_task(run.task)
-    simulator = Simulator(task)
+    simulator = simulator_of(task)
     offsets = np.concatenate([policy.mean[None], policy.sample(samples, rng)])
     noise = np.concatenate([np.zeros((1, *policy.mean.shape)), simulator.draw_command_noise(samples, rng)])
     starts = simulator.draw_starts(samples, rng)

@@ -1,0 +1,13 @@
+"""Environments of others that step: Gymnasium's, and those of dm_control's suite.
+
+Their observations become features and signals, and their own reward is a hand-made one, `environment`.
+"""
+
+from __future__ import annotations
+
+from tltlrl.tasks.foreign.keys import GymnasiumConfig, SuiteConfig
+from tltlrl.tasks.foreign.task import ForeignTask, own_rewards
+from tltlrl.tasks.task import TaskEntry
+
+GYMNASIUM = TaskEntry(config=GymnasiumConfig, make=ForeignTask, rewards=own_rewards, hand_made=("environment",))
+SUITE = TaskEntry(config=SuiteConfig, make=ForeignTask, rewards=own_rewards, hand_made=("environment",))
