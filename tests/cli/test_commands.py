@@ -81,6 +81,25 @@ def test_render_draws_the_workspace_and_the_motion_or_says_what_it_misses(experi
         assert "no picture can be rendered on this machine" in errors
 
 
+def test_the_page_on_reading_results_names_commands_that_work(experiment, tmp_path, capsys, monkeypatch):
+    page = (Path(__file__).parents[2] / "docs/reading.md").read_text()
+    monkeypatch.chdir(tmp_path)
+    runs = [line for line in page.splitlines() if line.startswith("tltl-run ")]
+    for line in runs:
+        settings = compose(shlex.split(line)[1:])
+        shutil.copytree(experiment, tmp_path / "runs" / settings["name"])
+        with open(tmp_path / "runs" / settings["name"] / "config.yaml", "a") as config:
+            config.write(f"epsilon: {settings['algorithm']['epsilon']}\n")
+    for command, said in (("plot", "continuous_step, "), ("export", "4 runs, 8 iterations")):
+        (line,) = [line for line in page.splitlines() if line.startswith(f"tltl {command} ")]
+        code, output, _ = tltl(capsys, *shlex.split(line)[1:])
+        assert code == 0
+        assert said in output
+    assert (tmp_path / "runs/reading/comparison.png").exists()
+    for name in re.findall(r"\]\(([^)#:]+)\)", page):
+        assert (Path(__file__).parents[2] / "docs" / name).exists(), name
+
+
 @pytest.mark.parametrize("command", ["evaluate", "render"])
 @pytest.mark.parametrize("what", ["missing", "an experiment", "unfinished", "damaged policy", "damaged config"])
 def test_what_is_not_a_finished_run_is_told(experiment, tmp_path, capsys, command, what):
