@@ -469,8 +469,6 @@ def test_results_of_another_edition_of_a_task_are_not_taken_for_its_own(cases):
 
 
 def test_leximin_does_not_go_with_learning_step_by_step():
-    with pytest.raises(
-        UserError, match=r"algorithm\.told: leximin .* learns step by step; expected robustness"
-    ):
+    with pytest.raises(UserError, match=r"algorithm\.told: leximin .* learns step by step; expected robustness"):
         runs("cases=[tltl_step]", "algorithm.told=leximin")
     assert runs("cases=[tltl_step]", "algorithm.told=robustness")  # as it says
