@@ -214,4 +214,4 @@ def _step(
 
 
 def _first(seen: Array, value: float) -> int:
-    return int(np.flatnonzero(seen == value)[0])
+    return int((seen == value).argmax())
