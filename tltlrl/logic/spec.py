@@ -343,15 +343,38 @@ class Spec:
         self, ready: Compiled, count: int, memory: Memory, signals: Mapping[str, ArrayLike], step: int
     ) -> tuple[Signals, dict[int, Array]]:
         """One sample of a monitor's trajectories: its signals, (N, 1), and the values of what is read of it, (N,)."""
-        batch = _Batch(self._meaning, self._source, self._one_sample(signals, count), None, step)
-        rows, block = slice(0, count), batch.whole()
         present = ready.plan(memory)
+        block = self._plain_sample(signals, count) if isinstance(signals, Mapping) else None
+        if block is None:
+            block = self._checked_sample(signals, count, step).whole()
         try:
             return block, memory.values(present.run(block))
         except FloatingPointError:
-            raise batch.failure(present, rows, block) from None
+            raise self._checked_sample(signals, count, step).failure(present, slice(0, count), block) from None
         except NotFiniteError as error:
-            raise batch.not_finite(error.node, 0, error.row) from None
+            raise self._checked_sample(signals, count, step).not_finite(error.node, 0, error.row) from None
+
+    def _checked_sample(self, signals: Mapping[str, ArrayLike], count: int, step: int) -> "_Batch":
+        return _Batch(self._meaning, self._source, self._one_sample(signals, count), None, step)
+
+    def _plain_sample(self, signals: Mapping[str, ArrayLike], count: int) -> Signals | None:
+        """What `_checked_sample` makes of floats with which all is well, sooner; None for all else."""
+        begun = np.broadcast_to(np.inf, (count, 1))
+        block: dict[tuple[str, int | None], Array] = {BEGUN: begun} if self._meaning.looks_back else {}
+        for name, dimension in self._meaning.signals.items():
+            value = signals.get(name)
+            # Of the class itself: a masked array has more to say than its numbers.
+            if type(value) is not np.ndarray or value.dtype != np.float64:
+                return None
+            if value.shape != ((count,) if dimension is None else (count, dimension)) or not np.isfinite(value).all():
+                return None
+            if name in self._meaning.booleans and not ((value == 0) | (value == 1)).all():
+                return None
+            if dimension is None:
+                block[name, None] = value[:, None]
+            else:
+                block.update({(name, part): value[:, part, None] for part in range(dimension)})
+        return block
 
     def _one_sample(self, signals: Mapping[str, ArrayLike], count: int) -> Mapping[str, ArrayLike]:
         """The signals of one sample as trajectories of one sample."""
@@ -359,7 +382,7 @@ class Spec:
         for name, dimension in self._meaning.signals.items():
             if name not in signals:
                 continue  # the batch says so
-            value = np.asarray(signals[name])
+            value = np.asanyarray(signals[name])  # a masked array stays one, and is refused
             own = () if dimension is None else (dimension,)
             if value.shape == own and count == 1:
                 value = value[None]

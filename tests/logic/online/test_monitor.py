@@ -216,3 +216,23 @@ def test_a_formula_that_nests_too_deep_is_told():
 def test_there_is_at_least_one_trajectory():
     with pytest.raises(ValueError, match="count is 0; expected 1 or more"):
         parse_spec("G (x > 0)").monitor(0)
+
+
+def test_floats_and_what_has_to_be_made_floats_are_read_alike():
+    """The first take a shorter way."""
+    spec = parse_spec("signal p[2]\nsignal b: bool\nspec: G (b | once (p.y > 0)) & F (norm(p) > 1)")
+    signals = {"p": np.random.default_rng(0).normal(size=(3, 9, 2)), "b": np.eye(3, 9)}
+    plain = readings(spec.monitor(3), signals)
+    monitor = spec.monitor(3)
+    for t, reading in enumerate(plain):
+        other = monitor.update({name: values[:, t].tolist() for name, values in signals.items()})
+        for a, b in zip(reading, other, strict=True):
+            np.testing.assert_array_equal(a, b)
+    for name, bad in (
+        ("p", np.full((3, 2), np.inf)),
+        ("b", np.full(3, 0.5)),
+        ("b", np.ma.masked_equal(np.eye(3)[0], 1)),
+    ):
+        sample = {key: values[:, 0] for key, values in signals.items()} | {name: bad}
+        with pytest.raises(TraceError, match=f"signal '{name}'"):
+            monitor.update(sample)

@@ -48,6 +48,11 @@ class Monitor:
 
     def __init__(self, spec: Compiled, count: int, sample: Sampler) -> None:
         self.count, self._spec, self._sample = count, spec, sample
+        # What every step asks for.
+        rows = {literal: row for row, literal in enumerate(spec.literals, start=1)}
+        self._atoms = [(rows[literal], *atom) for literal, atom in spec.atoms.items()]
+        self._clocks = [(rows[literal], clock) for literal, clock in spec.clocks.items()]
+        self._grows = self.keeps_past
         self.restart()
 
     def restart(self) -> None:
@@ -91,25 +96,30 @@ class Monitor:
         block, values = self._sample(self._memory, signals, self.steps)
         whole = [one.update(block) for one in self._whole]
         self._memory.remember(values)
-        literals = np.empty((1 + len(self._spec.literals), self.count))
-        literals[0] = np.inf
-        for row, literal in enumerate(self._spec.literals, start=1):
-            if literal in self._spec.atoms:
-                node, sign = self._spec.atoms[literal]
-                (np.positive if sign else np.negative)(values[node], out=literals[row])
-            else:
-                low, high, inside = self._spec.clocks[literal]
-                literals[row] = np.inf if (low <= self.steps <= high) == inside else -np.inf
+        literals = self._read_literals(values)
         read = [*(pursuit.update(literals, self.steps) for pursuit in self.pursuits), *whole]
         robustness, lower, upper = read[0] if len(read) == 1 else map(np.minimum.reduce, zip(*read, strict=True))
         self.steps += 1
         self.literals = literals
         return Reading(robustness, lower, upper, lower == upper, self._state())
 
+    def _read_literals(self, values: Mapping[int, Array]) -> Array:
+        """The values of the literals at this step, after a row of +inf, which stands for no literal."""
+        literals = np.empty((1 + len(self._spec.literals), self.count))
+        literals[0] = np.inf
+        for row, node, sign in self._atoms:
+            if sign:
+                literals[row] = values[node]
+            else:
+                np.negative(values[node], out=literals[row])
+        for row, (low, high, inside) in self._clocks:
+            literals[row] = np.inf if (low <= self.steps <= high) == inside else -np.inf
+        return literals
+
     def _state(self) -> Array | None:
-        parts = [pursuit.state() for pursuit in self.pursuits]
-        if self.keeps_past or any(part is None for part in parts):
+        if self._grows:
             return None
+        parts = [pursuit.state() for pursuit in self.pursuits]
         steps = [np.full((1, self.count), float(self.steps))] if self._spec.clocks else []
         past = [part[None] for part in self._memory.state()]
         return np.concatenate([*(part for part in parts if part is not None), *past, *steps]).T

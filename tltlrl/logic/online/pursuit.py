@@ -260,9 +260,8 @@ class Summary:
     def read(self, alpha: Array) -> tuple[Array, Array, Array]:
         """Robustness, lower and upper bound, (N,) each."""
         values = np.maximum.reduceat(alpha.take(self.rows, axis=0), self.starts, axis=0)
-        a, b = self.cuts
-        fold = np.minimum.reduce
-        return fold(values[:a], axis=0), fold(values[a:b], axis=0), fold(values[b:], axis=0)
+        robustness, lower, upper = np.minimum.reduceat(values, (0, *self.cuts), axis=0)
+        return robustness, lower, upper
 
 
 class Quick:
