@@ -183,6 +183,15 @@ def test_plot_of_what_is_not_an_experiment_is_told(tmp_path, capsys):
     assert errors.startswith(f"tltl: {tmp_path}/learning_curves.csv cannot be read (")
 
 
+def test_evaluate_tries_a_policy_off_its_model(experiment, capsys):
+    code, printed, _ = tltl(capsys, "evaluate", experiment / RUN, "--trials", 2, "--perturb", "mass=0.5:2,start=0.1")
+    assert code == 0
+    _, _, table = printed.partition("off the model, ")
+    assert [line.split()[0] for line in table.splitlines()[2:]] == ["0.00", "0.25", "0.50", "0.75", "1.00"]
+    code, _, errors = tltl(capsys, "evaluate", experiment / RUN, "--perturb", "mass=2")
+    assert (code, errors) == (2, "tltl: --perturb mass=2: expected mass=0.8:1.2\n")
+
+
 def test_evaluate_refuses_nonsense(experiment, capsys):
     code, _, errors = tltl(capsys, "evaluate", experiment / RUN, "--trials", 0)
     assert (code, errors) == (2, "tltl: --trials must lie between 1 and 10000, and --seed be at least 0\n")

@@ -1,7 +1,8 @@
 """`tltl evaluate RUN`: trials of a learned policy, in the evaluation scene, and their success rate.
 
 With --trace motion.csv the learned motion, without any noise, is written as a trace; with --samples 3 so are three
-sampled ones, as motion_1.csv and so on. `tltl check SPEC motion.csv --plot motion.png` explains them.
+sampled ones, as motion_1.csv and so on. `tltl check SPEC motion.csv --plot motion.png` explains them. --perturb adds
+trials off the model: a table of success against the size of the perturbation.
 """
 
 from __future__ import annotations
@@ -18,14 +19,18 @@ from tltlrl.errors import UserError, shown
 from tltlrl.experiments.experiment import open_calm, open_run
 from tltlrl.learning.policy import Policy
 from tltlrl.logic import Spec, load_spec
+from tltlrl.logic.reasons import failed
 from tltlrl.logic.trace import write_recording
 from tltlrl.resources import user_path
 from tltlrl.simulation.motion import MEASURES, measures
+from tltlrl.simulation.perturb import Perturbation, perturbation_of
 from tltlrl.simulation.simulator import simulator_of
 from tltlrl.simulation.trials import mean_motion
 from tltlrl.training.build import make_task
 from tltlrl.training.study import MOST_TRIALS, Run
-from tltlrl.training.verdict import Motions, motions, try_policy
+from tltlrl.training.verdict import Motions, motions, try_off_model, try_policy
+
+SIZES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of a perturbation
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -34,6 +39,11 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--trials", type=int, default=10, help="how many (default 10, as in the case study)")
     parser.add_argument("--trace", type=user_path, metavar="FILE.csv", help="write the learned motion as a trace")
     parser.add_argument("--samples", type=int, default=0, help="write so many sampled motions, too (default 0)")
+    parser.add_argument(
+        "--perturb",
+        metavar="mass=0.8:1.2,friction=0.5:1.5,start=0.02",
+        help="more trials off the model: a table of success against the size of the perturbation; damping, too",
+    )
     parser.add_argument("--seed", type=int, default=0, help="of the actuators' noise (default 0)")
 
 
@@ -49,7 +59,12 @@ def run(arguments: Namespace) -> int:
         raise UserError(f"--samples must lie between 0 and {MOST_TRIALS}")
     if not 1 <= arguments.trials <= MOST_TRIALS or arguments.seed < 0:
         raise UserError(f"--trials must lie between 1 and {MOST_TRIALS}, and --seed be at least 0")
+    perturbation = None if arguments.perturb is None else perturbation_of(arguments.perturb)
     learned, policy = open_run(arguments.run)
+    if perturbation is not None and (task := make_task(learned.task)).outside is not None:
+        raise UserError(
+            f"--perturb: {task.name} is an environment of others, whose model is not ours to change; leave it out"
+        )
     calm = open_calm(learned, arguments.run)
     if calm is not None:
         print("the learned policy")
@@ -84,6 +99,26 @@ def _tell(learned: Run, policy: Policy, arguments: Namespace) -> None:
     for name, value in found.items():
         if value is not None:
             print(f"  {name:<20} {value:8.3f}  {MEASURES[name]}")
+    if arguments.perturb is not None:
+        _tell_off_model(learned, policy, perturbation_of(arguments.perturb), arguments)
+
+
+def _tell_off_model(learned: Run, policy: Policy, perturbation: Perturbation, arguments: Namespace) -> None:
+    """A table of trials against the size of the perturbation, to the terminal."""
+    print("off the model, each trial with factors and a start of its own; size 1 is the whole of --perturb:")
+    print("  size  success    95 % Wilson    robustness: 5 %   median  what decides most failures")
+    for size in SIZES:
+        rng = np.random.default_rng(arguments.seed)
+        tried = try_off_model(learned, policy, perturbation, size, arguments.trials, rng)
+        count = int(np.sum(tried.robustness > 0))
+        interval = binomtest(count, arguments.trials).proportion_ci(method="wilson")
+        low, median = np.quantile(tried.robustness, [0.05, 0.5], method="lower")
+        reasons = failed(learned.spec.explain(tried.signals, tried.lengths))
+        why = f"{reasons[0].what} ({reasons[0].count})" if reasons else ""
+        print(
+            f"  {size:4.2f}  {f'{count}/{arguments.trials}':<9}  {interval.low:.2f} to {interval.high:.2f}"
+            f"  {low:+15.4f}  {median:+7.4f}  {why}".rstrip()
+        )
 
 
 def write_traces(path: Path, run: Run, moved: Motions) -> None:

@@ -108,6 +108,11 @@ class Simulator:
         self._of_forces = of_forces(self._model)
 
     @property
+    def model(self) -> mujoco.MjModel:
+        """What is stepped; changes of it hold for the next rollouts."""
+        return self._model
+
+    @property
     def command_range(self) -> tuple[Array, Array]:
         """What the actuators can do: the least and the most of each command, shapes (d,); infinite where unlimited."""
         limited = self._model.actuator_ctrllimited.astype(bool)

@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from tltlrl.learning.policy import Policy
 from tltlrl.logic import reasons
 from tltlrl.simulation.motion import measures
+from tltlrl.simulation.perturb import Perturbation, perturbed_trials
+from tltlrl.simulation.rollout import Trajectories
 from tltlrl.simulation.simulator import simulator_of
 from tltlrl.simulation.trials import mean_motion, trials
-from tltlrl.tasks.task import Signals
+from tltlrl.tasks.task import Signals, Task
 from tltlrl.training.build import Setup, make_evaluation_task, make_task
 from tltlrl.training.study import Run
 
@@ -39,7 +41,18 @@ class Trials:
 def try_policy(run: Run, policy: Policy, count: int, rng: np.random.Generator) -> Trials:
     """`count` trials of the mean policy."""
     task = make_evaluation_task(run.task)
-    motion = trials(simulator_of(task), policy, count, rng)
+    return _judged(run, task, trials(simulator_of(task), policy, count, rng))
+
+
+def try_off_model(
+    run: Run, policy: Policy, perturbation: Perturbation, size: float, count: int, rng: np.random.Generator
+) -> Trials:
+    """`count` trials of the mean policy, each off the model; see `perturbed_trials`."""
+    task = make_evaluation_task(run.task)
+    return _judged(run, task, perturbed_trials(task, policy, perturbation, size, count, rng))
+
+
+def _judged(run: Run, task: Task, motion: Trajectories) -> Trials:
     signals = task.signals(motion.features, motion.commands)
     robustness = run.spec.robustness(signals, motion.lengths)
     return Trials(robustness, task.outcomes(motion.last_qpos, motion.last_qvel), signals, motion.lengths)

@@ -1,0 +1,106 @@
+"""Trials off the model that a policy was learned on: other masses, friction and damping, and another start."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, fields
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from tltlrl.errors import UserError, nearest
+from tltlrl.learning.policy import Policy
+from tltlrl.simulation.rollout import Simulator, Trajectories
+from tltlrl.tasks.task import Task
+
+Array = NDArray[np.float64]
+Range = tuple[float, float]
+NUMBER = re.compile(r"\d+(\.\d*)?|\.\d+")
+MOST = 1e3  # of a factor, and of a start
+
+
+@dataclass(frozen=True)
+class Perturbation:
+    """How far trials may be from the model.
+
+    Attributes:
+      mass: least and most factor of all masses and inertias.
+      friction: of the friction of all geoms, and of the dry friction in joints.
+      damping: of the damping in all joints.
+      start: standard deviation of the start, rad or m in every joint.
+    """
+
+    mass: Range = (1.0, 1.0)
+    friction: Range = (1.0, 1.0)
+    damping: Range = (1.0, 1.0)
+    start: float = 0.0
+
+
+def perturbation_of(text: str) -> Perturbation:
+    """What `mass=0.8:1.2,start=0.02` means.
+
+    Raises:
+      UserError: naming what is wrong.
+    """
+    names = [field.name for field in fields(Perturbation)]
+    found: dict[str, Range | float] = {}
+    for part in text.split(","):
+        name, _, value = part.strip().partition("=")
+        if name not in names or name in found:
+            again = "; it stands there already" if name in found else nearest(name, names)
+            raise UserError(f"--perturb {part.strip()}: expected one of {', '.join(names)}{again}")
+        bounds = value.split(":")
+        usual = "0.02" if name == "start" else "0.8:1.2"
+        if len(bounds) != (1 if name == "start" else 2) or not all(NUMBER.fullmatch(bound) for bound in bounds):
+            raise UserError(f"--perturb {part.strip()}: expected {name}={usual}")
+        numbers = [float(bound) for bound in bounds]
+        if numbers[-1] > MOST or numbers[0] > numbers[-1] or (numbers[0] == 0 and name == "mass"):
+            raise UserError(
+                f"--perturb {part.strip()}: expected numbers up to {MOST:g}, the lower first, and no mass of 0; "
+                f"as {name}={usual}"
+            )
+        found[name] = numbers[0] if name == "start" else (numbers[0], numbers[1])
+    return Perturbation(**found)  # type: ignore[arg-type]
+
+
+def perturbed_trials(
+    task: Task, policy: Policy, perturbation: Perturbation, size: float, count: int, rng: np.random.Generator
+) -> Trajectories:
+    """`count` trials of the mean policy, each with factors and a start of its own, drawn uniformly from the ranges.
+
+    The same generator gives the same draws at every size, so that sizes are compared on the same trials.
+
+    Args:
+      task: with a model.
+      policy: of that task.
+      perturbation: at size 1.
+      size: from 0, the model as it is, to 1: how much of each range, from 1 on, and of the start's spread.
+      count: of trials.
+      rng: of the factors, the starts and the actuators' noise.
+
+    Raises:
+      FloatingPointError: if a simulation diverged.
+    """
+    simulator = Simulator(task)
+    model = simulator.model
+    scratch = mujoco.MjData(model)
+    changed = {
+        "mass": (model.body_mass, model.body_inertia),
+        "friction": (model.geom_friction, model.dof_frictionloss),
+        "damping": (model.dof_damping,),
+    }
+    nominal = {name: [array.copy() for array in arrays] for name, arrays in changed.items()}
+    motions = []
+    for _ in range(count):
+        noise, drawn = simulator.draw_command_noise(1, rng), simulator.draw_starts(1, rng)
+        for name, arrays in changed.items():
+            low, high = getattr(perturbation, name)
+            factor = 1 + size * (rng.uniform(low, high) - 1)
+            for array, own in zip(arrays, nominal[name], strict=True):
+                array[:] = factor * own
+        mujoco.mj_setConst(model, scratch)
+        push = size * perturbation.start * rng.standard_normal((1, model.nv))
+        starts = push if drawn is None else push + drawn
+        motions.append(simulator.rollout(policy.gain, policy.mean[None], noise, starts))
+    return Trajectories(*(np.concatenate([getattr(m, f.name) for m in motions]) for f in fields(Trajectories)))
