@@ -28,12 +28,36 @@ def episode(env, seed=3):
     return rows
 
 
-@pytest.mark.parametrize("name", ["ReachAvoid", "VisitInOrder"])
+@pytest.mark.parametrize("name", ["ReachAvoid", "VisitInOrder", "Toast"])
 def test_gymnasiums_own_check_has_nothing_to_say(name):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         env = gymnasium.make(f"tltlrl/{name}-v0")
         check_env(env.unwrapped, skip_render_check=True)
+
+
+def test_nor_has_that_of_stable_baselines3():
+    checker = pytest.importorskip("stable_baselines3.common.env_checker")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        checker.check_env(gymnasium.make("tltlrl/ReachAvoid-v0"))
+
+
+def test_a_spec_for_a_pendulum_that_is_not_ours():
+    spec = parse_spec("signal up\nsignal speed\nspec: F G (up > 0.9) & G (speed < 8.5)")
+    places = {"up": "observation[0]", "speed": "observation[2]"}
+    env = tltlrl.gym.wrap(gymnasium.make("Pendulum-v1"), spec, places)
+    observation, info = env.reset(seed=0)
+    env.action_space.seed(0)
+    rewards, seen, over = [], [observation], False
+    while not over:
+        observation, reward, _, over, info = env.step(env.action_space.sample())
+        rewards.append(reward)
+        seen.append(observation)
+    path = np.array(seen, dtype=float)[None]
+    assert info["robustness"] == spec.robustness({"up": path[:, :, 0], "speed": path[:, :, 2]})[0]
+    assert info["is_success"] == (info["robustness"] > 0)
+    assert env.unwrapped.spec.id == "Pendulum-v1"
 
 
 @pytest.mark.parametrize("reward", ["telescoped", "final"])
