@@ -14,7 +14,7 @@ export OPENBLAS_NUM_THREADS = 1
 # Each command would compile every module again, and that is most of a short command's time.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help reproduce-figures test lint types bench fuzz kill grammar grid-search clean
+.PHONY: help reproduce-figures test lint types bench fuzz kill attack grammar grid-search clean
 
 help:
 	@grep -E '^## ' $(MAKEFILE_LIST) | sed 's/^## //'
@@ -58,6 +58,10 @@ fuzz: $(READY)
 ## make kill: tltl-run killed at 3 x 20 moments of its writing, with one and two workers, and started again (TLTL_KILLS=20)
 kill: $(READY)
 	TLTL_KILLS=$${TLTL_KILLS:-20} $(BIN)/python -m pytest -s tests/store/test_killed.py
+
+## make attack: 60 kills of tltl-run and 50 of the other commands that write, 200 damaged and 60 forged files (a quarter of an hour, alone on two cores)
+attack: kill
+	$(BIN)/python -m studies.attack --damages 200 --forged 60 --kills 50
 
 ## make grammar: the tables of tltlrl/logic/grammar.lark, after a change of it
 grammar: $(READY)

@@ -8,6 +8,7 @@ import io
 import json
 import os
 import re
+import zipfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 
 TEMPORARY = ".part"
+MOST_ARRAYS = 4 * 2**30  # bytes
 LEFTOVER = re.compile(rf"\..+\.\d+{re.escape(TEMPORARY)}")
 
 
@@ -84,6 +86,13 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
 
 
 def arrays_in(content: bytes) -> dict[str, np.ndarray]:
-    """The same of the bytes of such an archive."""
+    """The same of the bytes of such an archive.
+
+    Raises:
+      ValueError: if a few bytes would become more than `MOST_ARRAYS`, as they do in a forged one.
+    """
+    with zipfile.ZipFile(io.BytesIO(content)) as packed:
+        if sum(part.file_size for part in packed.infolist()) > MOST_ARRAYS:
+            raise ValueError(f"its arrays take more than {MOST_ARRAYS // 2**30} GB")
     with np.load(io.BytesIO(content), allow_pickle=False) as archive:
         return {name: archive[name] for name in archive.files}
