@@ -11,7 +11,7 @@ from tltlrl.config.compose import compose
 from tltlrl.config.read import read
 from tltlrl.experiments.experiment import changes
 
-EXAMPLE = Path(__file__).parents[2] / "examples/reacher"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 MODEL = """\
 <mujoco>
   <option timestep="0.02" gravity="0 0 0"/>
@@ -118,7 +118,10 @@ def test_a_spec_to_begin_with_and_the_list_of_tasks(capsys):
     assert names == ["reach_avoid", "visit_in_order", "toast", "gymnasium", "suite", "FILE.yaml"]
 
 
-def test_the_example_is_a_robot_and_its_spec_fits():
-    study, _ = read(compose([f"task={EXAMPLE / 'reacher.yaml'}"]))
-    assert study.name == "reacher"
-    assert dict(study.spec.signals) == {"finger": 3}
+@pytest.mark.parametrize(
+    ("name", "signals"), [("reacher", {"finger": 3}), ("jaco", {"wrist": 3, "elbow": 3, "flange": 3})]
+)
+def test_an_example_is_a_robot_and_its_spec_fits(name, signals):
+    study, _ = read(compose([f"task={EXAMPLES / name / name}.yaml"]))
+    assert study.name == name
+    assert dict(study.spec.signals) == signals
