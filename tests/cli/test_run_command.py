@@ -274,7 +274,7 @@ def stop(process, kill, said):
     if kill == signal.SIGINT:
         assert time.monotonic() - since < 10  # 1 s on a machine with nothing else to do
         assert process.returncode == 130, said.read_text()
-        assert said.read_text().endswith("tltl-run: stopped; the same command goes on from what is done\n")
+        assert said.read_text().endswith("tltl-run: stopped; the same command continues from what is done\n")
         assert "Traceback" not in said.read_text()
     wait_until(lambda: not any(d.is_running() and d.status() != psutil.STATUS_ZOMBIE for d in descendants), 10)
     return descendants
@@ -519,7 +519,7 @@ MISTAKES = {
     ),
     ("experiment=reach_avoid", "-m", "cases=[tltl_episodic],[discrete_step]"): (
         "tltl-run: -m: two combinations have the same folder runs/reach_avoid; sweep what makes them different "
-        "experiments (of cases and seeds one experiment has a list, as in seeds=[1,2]), or name, too"
+        "experiments (one experiment takes lists of cases and seeds, as in seeds=[1,2]), or name, too"
     ),
     ("experiment=reach_avoid", "-m", "--cfg", "job"): (
         "tltl-run: --cfg job: it shows the config of one experiment; leave out -m"
@@ -625,7 +625,7 @@ def test_the_commands_answer_ctrl_c_before_they_import_what_takes_time(tmp_path)
         code = f"import sys; from tltlrl.cli.main import *; sys.path.insert(0, {str(tmp_path)!r}); sys.exit({command})"
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
         assert done.returncode == 130
-        assert done.stderr.endswith(": stopped; the same command goes on from what is done\n")
+        assert done.stderr.endswith(": stopped; the same command continues from what is done\n")
         assert "Traceback" not in done.stderr
 
 

@@ -86,7 +86,7 @@ def test_ctrl_c_with_ten_thousand_runs_waiting_ends_at_once(cluster, tmp_path):
     )  # fmt: skip
     assert code == 130, errors
     assert time.time() - (tmp_path / "since").stat().st_mtime < 10  # 1 s on a machine with nothing else to do
-    assert errors.endswith("tltl-run: stopped; the same command goes on from what is done\n")
+    assert errors.endswith("tltl-run: stopped; the same command continues from what is done\n")
     assert "Traceback" not in errors
 
 

@@ -78,7 +78,7 @@ def test_more_iterations_go_on_and_what_was_not_asked_for_stays(tmp_path, monkey
 
     run(tmp_path / "a", "seeds=2", "algorithm.iterations=2")
     said = run(tmp_path / "a", "seeds=[1]", "algorithm.iterations=4")
-    assert "tltl_episodic seed 1 goes on after its 2 iterations" in said
+    assert "tltl_episodic seed 1 continues after its 2 iterations" in said
     assert "damaged" not in said
     assert "tltl_episodic: satisfied 0 of 1; robustness -" in said  # seed 0 has fewer iterations
     assert f"report: {tmp_path}/a/x/report.md" in said

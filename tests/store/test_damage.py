@@ -164,7 +164,11 @@ DAMAGES = [
     *((name, emptied, "2 of 2 runs") for name in ("learning_curves.png", "tltl_episodic/workspace.png")),
     *(("config.yaml", damage, RESTORED) for damage in (deleted, emptied, cut)),
     *(
-        ("manifest.json", damage, "manifest.json was missing or damaged: who computed what is kept is not known")
+        (
+            "manifest.json",
+            damage,
+            "manifest.json was missing or damaged: who computed the results kept here is no longer known",
+        )
         for damage in (deleted, emptied, cut, without_config, without_sessions)
     ),
     *(

@@ -23,13 +23,13 @@ EXIT_CODES = """\
 exit codes:
   0  the spec is well-formed and, with a trace, satisfied (robustness > 0)
   1  the trace does not satisfy the spec (robustness <= 0)
-  2  something in the spec, the trace or the command has to be mended: one message says what
+  2  something in the spec, the trace or the command has to be corrected: one message says what
 
-A trace is a CSV file with one row per sample and named columns, parted by commas, semicolons or tabs: a scalar signal's
-column has its name, a vector signal's components are ee.x, ee.y, ee.z or ee[0], ee[1], ..., else ee_x or ee_0, ...;
---signal says other names. Other columns and lines that begin with # are ignored. Or it is an NPZ file with an array for
-each signal, (T,) or (T, d). Where the spec counts in seconds, a column or array time (or t), in seconds, says how far
-apart samples are.
+A trace is a CSV file with one row per sample and named columns, separated by commas, semicolons or tabs: a scalar
+signal's column has its name, a vector signal's components are ee.x, ee.y, ee.z or ee[0], ee[1], ..., else ee_x or
+ee_0, ...; --signal says other names. Other columns and lines that begin with # are ignored. Or it is an NPZ file with
+an array for each signal, (T,) or (T, d). Where the spec counts in seconds, a column or array time (or t), in seconds,
+says how far apart samples are.
 """
 
 

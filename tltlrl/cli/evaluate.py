@@ -44,7 +44,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         metavar="mass=0.8:1.2,friction=0.5:1.5,start=0.02",
         help="more trials off the model: a table of success against the size of the perturbation; damping, too",
     )
-    parser.add_argument("--seed", type=int, default=0, help="of the actuators' noise (default 0)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the actuators' noise (default 0)")
 
 
 def run(arguments: Namespace) -> int:

@@ -90,7 +90,7 @@ def _told(name: str, arguments: list[str], command: Callable[[], int]) -> int:
         return mistakes_told(name, command)
     except KeyboardInterrupt:
         without = " without overwrite=true" if "overwrite=true" in arguments else ""
-        _say(f"{name}: stopped; the same command{without} goes on from what is done")
+        _say(f"{name}: stopped; the same command{without} continues from what is done")
         return 130
 
 
@@ -106,7 +106,7 @@ def mistakes_told(name: str, command: Callable[[], int]) -> int:
     except (UserError, FloatingPointError) as error:  # the latter: a simulation that diverged
         _say(f"{name}: {error}")
     except RecursionError:
-        _say(f"{name}: a file or a value that was given is nested too deeply")
+        _say(f"{name}: a given file or value is nested too deeply")
     except OSError as error:
         where = f"{error.filename}: " if error.filename is not None else ""
         _say(

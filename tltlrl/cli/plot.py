@@ -22,7 +22,9 @@ def add_arguments(parser: ArgumentParser) -> None:
         "experiments", type=user_path, nargs="+", metavar="EXPERIMENT", help="for instance runs/reach_avoid"
     )
     parser.add_argument(
-        "--output", type=user_path, help="where to; as .png and .pdf in any case (default EXPERIMENT/learning_curves)"
+        "--output",
+        type=user_path,
+        help="path of the picture; always written as .png and .pdf (default EXPERIMENT/learning_curves)",
     )
     parser.add_argument(
         "--compare",

@@ -20,9 +20,9 @@ def add_arguments(parser: ArgumentParser) -> None:
         help="as for tltl-run; searched: 'KEY=interval(0,0.4)', KEY=a,b ...",
     )
     parser.add_argument(
-        "--trials", type=int, default=30, help="how many in all, those done before included (default 30)"
+        "--trials", type=int, default=30, help="candidates in all, including those done before (default 30)"
     )
-    parser.add_argument("--seed", type=int, default=0, help="of the choice of trials (default 0)")
+    parser.add_argument("--seed", type=int, default=0, help="seed by which candidates are chosen (default 0)")
     parser.add_argument("--config-dir", type=user_path, metavar="DIR", help="look for configs of your own in DIR, too")
 
 

@@ -14,15 +14,15 @@ from tltlrl.logic.online.monitor import Reading
 from tltlrl.logic.online.stream import samples
 
 NOTES = """\
-Standard input holds one sample per line: CSV with a header, its columns named as for tltl check, or JSON objects such
-as {"ee": [0.1, 0.2], "gripper": 3}. Each sample is answered at once with one line: its number; the robustness if the
-trajectory ended there; the lower and the upper bound that hold however it goes on; and what decides the robustness.
-A line that is no sample is told on standard error and left out, as if it were not there. Ctrl-C ends the trajectory.
+Standard input holds one sample per line: CSV with a header whose columns are named as for tltl check, or JSON objects
+such as {"ee": [0.1, 0.2], "gripper": 3}. Each sample is answered at once with one line: its number; the robustness if
+the trajectory ended there; the lower and the upper bound that hold however it goes on; and what decides the
+robustness. A line that is no sample is left out, with a message on standard error. Ctrl-C ends the trajectory.
 
 exit codes:
   0  the trajectory satisfies the spec (robustness > 0), or whoever read the output went away
   1  it does not (robustness <= 0)
-  2  something in the spec, the header or the command has to be mended, or there was no sample
+  2  something in the spec, the header or the command has to be corrected, or there was no sample
 """
 
 
@@ -30,7 +30,9 @@ def add_arguments(parser: ArgumentParser) -> None:
     """Adds the arguments of `tltl watch`."""
     parser.epilog = NOTES
     add_spec(parser)
-    parser.add_argument("--period", metavar="SECONDS", type=float, help="between two samples, for bounds in seconds")
+    parser.add_argument(
+        "--period", metavar="SECONDS", type=float, help="time between two samples, for bounds in seconds"
+    )
 
 
 def run(arguments: Namespace) -> int:

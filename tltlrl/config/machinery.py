@@ -14,12 +14,12 @@ from tltlrl.settings import check_value, setting, settings_of
 class Engine:
     """The section `engine`."""
 
-    address: str | None = setting("of a Dask scheduler, for instance tcp://127.0.0.1:8786; null for this machine", None)
+    address: str | None = setting("a Dask scheduler, for instance tcp://127.0.0.1:8786; null for this machine", None)
 
 
 @dataclass(frozen=True)
 class Machinery:
-    """How and where.
+    """How and where a study is computed.
 
     Attributes:
       workers: processes; None for one per processor.

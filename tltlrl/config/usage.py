@@ -45,10 +45,10 @@ Options
   --cfg job          print the config with your overrides, and stop
   -m                 one experiment per combination: -m algorithm.epsilon=0.2,0.5 seeds=2
   --config-dir DIR   look for experiments, tasks, rewards and algorithms of your own in DIR, too
-  --version          of tltlrl
+  --version          print the version of tltlrl
   --help             this page
 
-Exit codes: 0 done; 1 a run failed; 2 the command, config or spec has to be mended; 130 Ctrl-C.
+Exit codes: 0 done; 1 a run failed; 2 the command, config or spec has to be corrected; 130 Ctrl-C.
 """
 
 

@@ -93,9 +93,9 @@ def run_experiment(study: Study, machinery: Machinery, command: list[str]) -> bo
         missing, done, damages = survey(folder, study)
         before = read_manifest(folder / MANIFEST)
         if done and before is None:
-            notes.append(f"{MANIFEST} was missing or damaged: who computed what is kept is not known any more")
+            notes.append(f"{MANIFEST} was missing or damaged: who computed the results kept here is no longer known")
         if before is not None and intact(before) is False:
-            notes.append(f"{MANIFEST} is not as it was written: its config is put right, the rest is kept as it stands")
+            notes.append(f"{MANIFEST} is not as it was written: its config is corrected, the rest is kept as it is")
             before = put_right(whole, before)
             write_json(folder / MANIFEST, before)
         if missing:
@@ -186,7 +186,7 @@ def survey(folder: Path, study: Study) -> tuple[list[Run], int, list[str]]:
         except DamagedError as error:
             if shorter := shorter_run(run, path):
                 missing.append(run)
-                damages.append(f"{label(run)} goes on after its {shorter.algorithm.iterations} iterations")
+                damages.append(f"{label(run)} continues after its {shorter.algorithm.iterations} iterations")
                 continue
             damages.append(f"{path}: {error}; the run is computed again")
             if run not in missing[-1:]:

@@ -112,7 +112,7 @@ def _checked(combined: Sequence[Sequence[str]], swept: Sequence[Sequence[str]]) 
         if folder in names:
             raise UserError(
                 f"-m: two combinations have the same folder {folder}; sweep what makes them different experiments "
-                f"(of cases and seeds one experiment has a list, as in seeds=[1,2]), or name, too"
+                f"(one experiment takes lists of cases and seeds, as in seeds=[1,2]), or name, too"
             )
         names[folder] = study.name
     if not names:

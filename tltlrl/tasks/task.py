@@ -222,7 +222,7 @@ def draw_starts(task: Task, count: int, rng: np.random.Generator | np.random.Ran
 class NoReward:
     """The coefficients of a task that has no hand-made rewards."""
 
-    step: dict[str, float] = setting("what step-based learners have instead", {})
+    step: dict[str, float] = setting("other values for step-based learners", {})
 
 
 @dataclass(frozen=True)

@@ -54,11 +54,11 @@ class AlgorithmConfig:
         "width of the exploration noise's correlation over time, steps; 0 for independent steps", 1.0, least=0
     )
     exploration: dict[str, float] = setting(
-        "in place of initial_std, for groups of commands by their names", {}, above=0, most=100
+        "exploration of single groups of commands, by their names, in place of initial_std", {}, above=0, most=100
     )
     basis: int = setting("basis functions that a motion is made of; 0: an offset of its own at every step", 0, least=0)
     told: str = setting(
-        "what the learner is told of a trajectory in the cases tltl_*: its robustness, or leximin, which weighs all "
+        "what the learner is told about a trajectory in the cases tltl_*: its robustness, or leximin, which weighs all "
         "clauses, the worst first",
         "robustness",
         choices=TOLD,
@@ -73,19 +73,19 @@ class AlgorithmConfig:
         choices=("last", "best"),
     )
     calm: int = setting(
-        "batches of 20 proposals by which the learned motion is made calm afterwards, as a policy beside it; 0: none",
+        "batches of 20 proposals that make the learned motion calm afterwards, as a second policy; 0: none",
         0,
         least=0,
         budget=True,
     )
     calm_share: float = setting("share of the learned robustness that a calm motion has to keep", 0.7, above=0, most=1)
     refine: dict[str, Any] = setting(
-        "a second stage about the motion that the first one learned: after (iterations), and any other key of "
+        "a second stage around the motion that the first one learned: after (iterations), and any other key of "
         "algorithm that is to change",
         {},
     )
     policy: str = setting(
-        "a policy.npz, or the folder of a run, whose mean motion learning starts from, not the task's reference",
+        "a policy.npz, or the folder of a run; learning starts from its mean motion, not from the task's reference",
         "",
     )
 

@@ -20,7 +20,9 @@ class ForeignConfig:
     steps: int | None = setting(
         "samples of one episode; null: as many as the environment has", None, least=2, most=MOST_STEPS
     )
-    control_timestep: float | None = setting("between two commands, s; null: as the environment says", None, above=0)
+    control_timestep: float | None = setting(
+        "time between two commands, s; null: as the environment says", None, above=0
+    )
     start: int | None = setting(
         "seed of the start, the same for every trajectory; null: drawn anew for each", 0, least=0, most=MOST_SEED
     )

@@ -21,19 +21,19 @@ SIGNALS = "names and what they stand for, as {tip: site_xpos.tip}"
 
 @dataclass(frozen=True)
 class RobotConfig:
-    """A robot's page as it was read, and where it was; everything a page can say has a default but the model."""
+    """A robot's page as it was read, and where it was. Every key of a page but `model` has a default."""
 
     name: str = setting("mjcf, for every robot that is described by a page", "mjcf")
-    file: str = setting("the page; it is known by what it says, wherever it lies", "", place=True)
-    digest: str = setting("of the model's files, by which a model that was changed is noticed", "")
+    file: str = setting("the page; it is known by its content, wherever it is", "", place=True)
+    digest: str = setting("digest of the model's files, by which a changed model is noticed", "")
     model: str = setting("an MJCF file: a path from the page's folder, or package:path of an installed package", "")
-    duration: float = setting("of one episode, s", 5.0, above=0)
-    control_timestep: float = setting("between two commands, s; a multiple of the model's timestep", 0.05, above=0)
+    duration: float = setting("length of one episode, s", 5.0, above=0)
+    control_timestep: float = setting("time between two commands, s; a multiple of the model's timestep", 0.05, above=0)
     start: dict[str, Any] = setting(
-        "joint positions at the start, rad or m, by the joints' names; the others as in the keyframe or the model",
+        "joint positions at the start, rad or m, by the joints' names; others are as in the keyframe or the model",
         {},
     )
-    keyframe: str | None = setting("of the model, to start from", None)
+    keyframe: str | None = setting("a keyframe of the model, to start from", None)
     spread: float = setting(
         "standard deviation of the start, rad or m in every joint; it is drawn anew for each trajectory", 0.0, least=0
     )
@@ -43,29 +43,30 @@ class RobotConfig:
         {},
     )
     commands: list[str] = setting(
-        "the actuators that the policy commands, the others are taken out of the model; none named: all", []
+        "the actuators that the policy commands, all if none is named; others are taken out of the model", []
     )
     command_noise: float = setting(
         "standard deviation of the actuators' noise, as a share of a full command", 0.01, least=0, most=10
     )
     feedback: dict[str, Any] = setting(
-        "what is added to a command, in its unit, per rad or m that its joint is off the reference, by the actuators' "
-        "names: negative pulls back; or two numbers, the second per rad/s or m/s; or other joints with theirs",
+        "by the actuators' names, what is added to a command, in its unit, per rad or m that its joint is off the "
+        "reference; negative pulls back. Or two numbers, the second per rad/s or m/s; or other joints with theirs",
         {},
     )
     reference: Any = setting(
-        "the motion that learning starts from: hold, the start kept up, or waypoints with a time, s, and joint "
-        "positions, straight lines between them",
+        "the motion that learning starts from: hold stays at the start; waypoints, each a time, s, and joint "
+        "positions, are joined by straight lines",
         "hold",
     )
     signals: dict[str, Any] = setting(
-        "what a spec can speak of, beside command; none named: every sensor of the model by its name, qpos and qvel", {}
+        "what a spec can speak of, beside command; if none is named: all sensors of the model by name, qpos and qvel",
+        {},
     )
     ends_when: str | None = setting("an episode ends early where this formula of the language holds", None)
     evaluation: dict[str, Any] = setting(
         "other values of these keys for the trials of what was learned, such as a more truthful model", {}
     )
-    camera: str | None = setting("of the model, for films", None)
+    camera: str | None = setting("a camera of the model, for films", None)
 
 
 @dataclass(frozen=True)

@@ -13,20 +13,20 @@ A page is a YAML file with these keys; only `model` has to be there. [Bring your
 to write one. (This page is made from the code: `python -m tltlrl.tasks.mjcf.reference > docs/robot-yaml.md`.)
 """
 KEYS = """
-Each key can be changed for one experiment, as in `task.duration=3`. Within `evaluation` all keys may stand but {fixed}.
+Each key can be changed for one experiment, as in `task.duration=3`. `evaluation` may hold all keys but {fixed}.
 
 ## Signals
 
 A signal stands for one quantity, or for a list of them, one after the other; a single number is a scalar, more are a
 vector. A quantity is FIELD.NAME, with the name that the thing has in the MJCF file, or FIELD.NAME.COMPONENT for one
-of its numbers. `command`, what the policy sends, is always there.
+of its numbers. The signal `command`, what the policy sends, is always there.
 
 | quantity | what it is | components |
 |---|---|---|
 """
 TAIL = """
 Positions and velocities of joints are read from the state. Everything else is a sensor of the model, or becomes one
-when the model is compiled, so that MuJoCo computes it alike in training and in the `dm_env` view. Forces and
+when the model is compiled, so that MuJoCo computes it in the same way in training and in the `dm_env` view. Forces and
 accelerations (`contact_force`, `actuator_force`, sensors such as `touch` and `accelerometer`) at a sample are those
 of the physics step that led to it.
 """

@@ -23,7 +23,7 @@ class ReachAvoidReward:
     c1: float = setting("price of a metre from the goal", 1.0)
     c2: float = setting("gain of a metre from each obstacle", 0.02)
     step: dict[str, float] = setting(
-        "what step-based learners have instead, from a grid search of its own", {"c2": 0.35}
+        "other values for step-based learners, from a grid search of its own", {"c2": 0.35}
     )
 
     def __post_init__(self) -> None:
@@ -41,7 +41,7 @@ class VisitInOrderReward:
     c2: float = setting("gain of a metre from each of the other goals", 0.05)
     c3: float = setting("gain of a metre from each obstacle", 0.0)
     step: dict[str, float] = setting(
-        "what step-based learners have instead, from a grid search of its own", {"c2": 0.1, "c3": 0.1}
+        "other values for step-based learners, from a grid search of its own", {"c2": 0.1, "c3": 0.1}
     )
 
     def __post_init__(self) -> None:

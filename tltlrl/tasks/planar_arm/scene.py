@@ -46,9 +46,9 @@ class PlanarArmConfig:
     """
 
     edition: ClassVar[int] = 2
-    name: str = setting("of the task", "reach_avoid")
+    name: str = setting("name of the task", "reach_avoid")
     steps: int = setting("samples of one episode", 200, least=2, most=MOST_STEPS)
-    link_lengths: list[float] = setting("from the base outwards, m", [1.0, 1.0, 1.0], above=0)
+    link_lengths: list[float] = setting("lengths of the links from the base outwards, m", [1.0, 1.0, 1.0], above=0)
     start_angles: list[float] = setting("joint angles at the start, rad", [0.5, 0.5, 0.5])
     max_speed: float = setting("bound of every joint-velocity command, rad/s", 2.0, above=0)
     command_noise: float = setting("standard deviation of the actuators' noise, rad/s", 0.02, least=0)
@@ -65,7 +65,7 @@ class PlanarArmConfig:
 class VisitInOrderConfig(PlanarArmConfig):
     """The settings of visit_in_order."""
 
-    name: str = setting("of the task", "visit_in_order")
+    name: str = setting("name of the task", "visit_in_order")
     steps: int = setting("samples of one episode", 500, least=2, most=MOST_STEPS)
 
 

@@ -23,7 +23,7 @@ class ToastReward:
         "price of one per cent of gripper position away from closed (before the slot) or open (after)", 0.1
     )
     reached: float = setting("distance from the centre of the slot that counts as reached, m", 0.03, least=0)
-    step: dict[str, float] = setting("what step-based learners have instead", {})
+    step: dict[str, float] = setting("other values for step-based learners", {})
 
     def __post_init__(self) -> None:
         check(self, "reward")

@@ -102,14 +102,16 @@ class ToastConfig:
     the toaster is solid and the bread a body that the gripper holds by friction.
     """
 
-    name: str = setting("of the task", "toast")
+    name: str = setting("name of the task", "toast")
     steps: int = setting("samples of one episode; 100 at 20 Hz are 5 s", 100, least=2, most=MOST_STEPS)
     waypoints: list[list[float]] = setting(
-        "of the rough motion that learning starts from: s0 s1 e0 e1 w0 w1 w2, rad", ROUGH_MOTION
+        "waypoints of the rough motion that learning starts from: s0 s1 e0 e1 w0 w1 w2, rad", ROUGH_MOTION
     )
     waypoint_steps: list[int] = setting("sample at which each waypoint is passed; the first is 0", [0, 40, 60])
     opening_step: int = setting("step at which the rough motion opens the gripper; 52 is 0.4 s too early", 52)
-    grip: float = setting("per cent beyond closed and open that it commands, so that noise loosens no grip", 20.0)
+    grip: float = setting(
+        "per cent beyond closed and open that the rough motion commands, so that noise loosens no grip", 20.0
+    )
     command_noise: float = setting(
         "standard deviation of the actuators' noise, as a share of a full command", 0.005, least=0
     )

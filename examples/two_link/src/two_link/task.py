@@ -85,7 +85,7 @@ class TwoLinkReward:
     """The coefficient of the hand-made reward."""
 
     price: float = setting("of a metre from the goal", 1.0)
-    step: dict[str, float] = setting("what step-based learners have instead", {})
+    step: dict[str, float] = setting("other values for step-based learners", {})
 
 
 def rewards(coefficients: TwoLinkReward, constants: Mapping[str, Any]) -> dict[str, StepReward]:
