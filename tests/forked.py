@@ -3,6 +3,7 @@
 What starts workers cannot be run like this: multiprocessing would import the tests' own program in them.
 """
 
+import importlib
 import os
 import sys
 from collections.abc import Callable
@@ -11,6 +12,20 @@ from pathlib import Path
 
 import tltlrl.experiments.experiment  # noqa: F401  # so that the forked processes have it
 from tltlrl.cli import main as cli
+
+PICTURES = (
+    "tltlrl.reports.report.plot_learning_curves",
+    "tltlrl.reports.report.plot_clauses",
+    "tltlrl.experiments.experiment.draw_workspace",
+    "tltlrl.experiments.experiment.write_page",
+)
+
+
+def without_pictures() -> None:
+    """From now on this process draws none: they take most of the time of a small experiment."""
+    for place in PICTURES:
+        module, _, name = place.rpartition(".")
+        setattr(importlib.import_module(module), name, lambda *_, **__: None)
 
 
 def tltl_run(folder: Path, *arguments: object, first: Callable[[], object] = lambda: None) -> tuple[int, str, str]:

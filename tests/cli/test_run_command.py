@@ -54,14 +54,14 @@ def contents(folder, *patterns):
 def undisturbed(tmp_path_factory):
     """The folder of the small experiment, computed in one process."""
     folder = tmp_path_factory.mktemp("undisturbed")
-    code, _, errors = run(folder, *SMALL, "workers=1")
+    code, _, errors = run(folder, *SMALL, "workers=1", first=lambda: None)
     assert code == 0, errors
     return folder / "runs" / "small"
 
 
-def run(folder, *arguments):
+def run(folder, *arguments, first=forked.without_pictures):
     if "workers=2" not in arguments:
-        return forked.tltl_run(folder, *arguments)
+        return forked.tltl_run(folder, *arguments, first=first)
     done = subprocess.run(
         [*launcher(), *arguments], cwd=folder, capture_output=True, text=True, timeout=300, check=False
     )
@@ -218,7 +218,7 @@ def test_two_workers_write_the_same_bytes(undisturbed, tmp_path):
 def test_the_same_command_again_does_nothing_and_says_so(undisturbed):
     before = contents(undisturbed)
     pictures = {path: path.stat().st_mtime_ns for path in undisturbed.glob("*/workspace.*")}
-    code, _, errors = run(undisturbed.parents[1], *SMALL, "workers=1")
+    code, _, errors = run(undisturbed.parents[1], *SMALL, "workers=1", first=lambda: None)
     assert code == 0
     assert "4 of 4 runs were done before and are kept" in errors
     assert contents(undisturbed) == before
@@ -230,7 +230,7 @@ def test_a_picture_that_is_missing_is_drawn_again(undisturbed):
     picture = undisturbed / "tltl_episodic/workspace.pdf"
     before = picture.read_bytes()
     picture.unlink()
-    code, _, errors = run(undisturbed.parents[1], *SMALL, "workers=1")
+    code, _, errors = run(undisturbed.parents[1], *SMALL, "workers=1", first=lambda: None)
     assert code == 0, errors
     assert picture.read_bytes() == before
 

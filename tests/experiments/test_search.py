@@ -10,6 +10,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import forked
 import pytest
 import yaml
 
@@ -26,8 +27,9 @@ SPACE = ("reward.c2=interval(0,0.4)", "algorithm.covariance=choice(damped,publis
 
 @pytest.fixture(autouse=True)
 def plain(monkeypatch, tmp_path):
-    """Without figures, which no trial needs here and which take most of the time; in an empty folder."""
-    monkeypatch.setattr("tltlrl.reports.report.plot_learning_curves", lambda *_: None)
+    """Without pictures, which no candidate needs here and which take most of the time; in an empty folder."""
+    for place in forked.PICTURES:
+        monkeypatch.setattr(place, lambda *_, **__: None)
     monkeypatch.chdir(tmp_path)
 
 
@@ -52,7 +54,8 @@ def undisturbed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("undisturbed")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        patch.setattr("tltlrl.reports.report.plot_learning_curves", lambda *_: None)
+        for place in forked.PICTURES:
+            patch.setattr(place, lambda *_, **__: None)
         assert tltl_search(*SMALL, *SPACE, "--trials", 4) == 0
     return folder / "runs" / "small"
 
@@ -112,7 +115,7 @@ def test_a_stopped_search_goes_on_to_the_same_bytes(undisturbed, tmp_path, monke
         with monkeypatch.context() as patch:
             patch.setattr(search, "run_experiment", stopped)
             assert tltl_search(*SMALL, *SPACE, "--trials", 4) == 130
-        assert "stopped; the same command goes on" in capsys.readouterr().err
+        assert "stopped; the same command continues" in capsys.readouterr().err
         with open("runs/small/journal.log", "a") as journal:  # as a kill in the middle of writing leaves it
             journal.write('{"op_code": 6, "wor')
         Path("runs/small/journal.log.lock").symlink_to("journal.log")
