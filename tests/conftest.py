@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import forked
 import pytest
 from hypothesis import settings
 
@@ -15,3 +16,10 @@ def package(monkeypatch):
     folder = Path(__file__).parent / "package"
     monkeypatch.syspath_prepend(folder)
     return folder
+
+
+@pytest.fixture
+def without_pictures(monkeypatch):
+    """Commands of this process draw none: they take most of the time of a small experiment."""
+    for place in forked.PICTURES:
+        monkeypatch.setattr(place, lambda *_, **__: None)

@@ -80,5 +80,5 @@ def test_want_of_memory_is_one_message_whoever_notices_it(capsys, error):
     assert mistakes_told("tltl-run", command) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(
-        "tltl-run: there is not enough memory" if not isinstance(error, RecursionError) else "tltl-run: a file"
+        "tltl-run: there is not enough memory" if not isinstance(error, RecursionError) else "tltl-run: a given file"
     )

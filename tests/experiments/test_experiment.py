@@ -66,10 +66,8 @@ def test_asking_for_fewer_seeds_or_others_is_no_other_experiment(had, asked, see
     assert (whole.seeds, whole.settings["seeds"]) == (seeds, setting)
 
 
-def test_more_iterations_go_on_and_what_was_not_asked_for_stays(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("tltlrl.reports.report.plot_learning_curves", lambda *_: None)
-    monkeypatch.setattr("tltlrl.experiments.experiment.draw_cases", lambda *_: None)
-
+@pytest.mark.usefixtures("without_pictures")
+def test_more_iterations_go_on_and_what_was_not_asked_for_stays(tmp_path, capsys):
     def run(folder, *overrides):
         small = ["experiment=reach_avoid", "name=x", "cases=[tltl_episodic]", "task.steps=12", "algorithm.samples=6"]
         asked = compose([*small, "algorithm.epsilon=0.5", "trials=2", "workers=1", f"runs_dir={folder}", *overrides])
@@ -91,9 +89,8 @@ def test_more_iterations_go_on_and_what_was_not_asked_for_stays(tmp_path, monkey
     assert "2 of 2 runs were done" in run(tmp_path / "a", "seeds=2", "algorithm.iterations=4")
 
 
-def test_what_was_started_from_is_kept_with_the_results(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("tltlrl.reports.report.plot_learning_curves", lambda *_: None)
-    monkeypatch.setattr("tltlrl.experiments.experiment.draw_cases", lambda *_: None)
+@pytest.mark.usefixtures("without_pictures")
+def test_what_was_started_from_is_kept_with_the_results(tmp_path, capsys):
     small = ["experiment=reach_avoid", "cases=[tltl_episodic]", "task.steps=12", "algorithm.samples=6", "seeds=1"]
 
     def study_of(name, *overrides):

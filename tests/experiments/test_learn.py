@@ -9,13 +9,12 @@ from tltlrl.resources import SPECS
 SMALL = {"task.steps": 12, "algorithm.samples": 6, "algorithm.epsilon": 0.5, "trials": 2}
 
 
-def test_it_gives_the_same_bytes_as_the_command(tmp_path, monkeypatch):
+@pytest.mark.usefixtures("without_pictures")
+def test_it_gives_the_same_bytes_as_the_command(tmp_path):
     from tltlrl.config.compose import compose
     from tltlrl.config.read import read
     from tltlrl.experiments.experiment import run_experiment
 
-    monkeypatch.setattr("tltlrl.reports.report.plot_learning_curves", lambda *_: None)
-    monkeypatch.setattr("tltlrl.experiments.experiment.draw_cases", lambda *_: None)
     overrides = [f"{key}={value}" for key, value in SMALL.items()]
     asked = ["task=reach_avoid", "seeds=[3]", "algorithm.iterations=2", "workers=1", f"runs_dir={tmp_path}"]
     assert run_experiment(*read(compose([*asked, *overrides])), ["test"])

@@ -26,10 +26,8 @@ SPACE = ("reward.c2=interval(0,0.4)", "algorithm.covariance=choice(damped,publis
 
 
 @pytest.fixture(autouse=True)
-def plain(monkeypatch, tmp_path):
-    """Without pictures, which no candidate needs here and which take most of the time; in an empty folder."""
-    for place in forked.PICTURES:
-        monkeypatch.setattr(place, lambda *_, **__: None)
+def plain(without_pictures, monkeypatch, tmp_path):  # noqa: ARG001  # no candidate needs one here
+    """In an empty folder."""
     monkeypatch.chdir(tmp_path)
 
 

@@ -119,6 +119,7 @@ def test_movement_is_measured_up_to_each_trajectorys_end():
     assert moved == pytest.approx(expected)
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_smoothness_judges_the_policies_and_trials_of_the_summary(tmp_path):
     small = [
         "cases=[tltl_episodic]",
