@@ -59,7 +59,7 @@ fuzz: $(READY)
 kill: $(READY)
 	TLTL_KILLS=$${TLTL_KILLS:-20} $(BIN)/python -m pytest -s tests/store/test_killed.py
 
-## make attack: 60 kills of tltl-run and 50 of the other commands that write, 200 damaged and 60 forged files (a quarter of an hour, alone on two cores)
+## make attack: 60 kills of tltl-run and 50 of the other commands that write, 200 damaged and 60 forged files
 attack: kill
 	$(BIN)/python -m studies.attack --damages 200 --forged 60 --kills 50
 
