@@ -49,6 +49,12 @@ CASES = [
     ("alw_[0,5] x < 1", "'alw_' is written G", "G[0,5] x < 1", "!F[0,5] x > 1"),
     ("ev_[0,5] (x < 1)", "'ev_' is written F", "F[0,5] (x < 1)", "!G[0,5] x > 1"),
     ("F[0, 5) x < 1", "[0, 5) is [0, 4]", "F[0, 4] x < 1", "!G[0,4] x > 1"),
+    (
+        "signal x\nlet c = G x < 1\nspec: c",
+        "name a formula by 'def c: ...'",
+        "signal x\ndef c: G x < 1\nspec: c",
+        "G x < 1",
+    ),
     ("G x < inf", "infinity can only end an interval", "G x < 1e300", "G x - 1e300 < 0"),
     ("signal inf\nspec: inf < 1", "such as 'inf_'", "signal inf_\nspec: inf_ < 1", "x < 1"),
     ("signal x : float\nspec: x < 1", "delete what begins with the colon", "signal x\nspec: x < 1", "x < 1"),

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 from strategies import DECLARED, formulas
 
-from tltlrl.logic import SpecError, load_spec, parse_spec
+from tltlrl.logic import SpecError, is_signal_name, load_spec, parse_spec
 
 ROOT = Path(__file__).parents[2]
 SPECS = sorted((ROOT / "specs").glob("*.tltl"))
@@ -443,3 +443,14 @@ def test_fuzz():
             assert parse_spec(str(spec)) == spec
         assert time.process_time() - start < 10, text
     assert read > 0
+
+
+@pytest.mark.parametrize("name", ["x", "ee", "_", "F_", "größe"])
+def test_a_word_that_means_nothing_else_names_a_signal(name):
+    assert is_signal_name(name)
+    assert set(parse_spec(f"signal {name} spec: {name} > 0").signals) == {name}
+
+
+@pytest.mark.parametrize("name", ["", "F", "ball", "max", "a b", "a.b", "x\nsignal y", "x[2]", "1x"])
+def test_what_means_something_or_is_no_word_does_not(name):
+    assert not is_signal_name(name)

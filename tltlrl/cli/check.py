@@ -253,11 +253,12 @@ def described(spec: Spec) -> str:
 def _horizon(spec: Spec) -> str:
     """How far into a trajectory its value depends on it."""
     if spec.counts_seconds and spec.period is None:
-        return "as the samples are far apart"
+        return "depends on the sampling period"
     if spec.horizon is None:
         return "the whole trajectory"
     seconds = "" if spec.period is None else f", {spec.horizon * spec.period:.6g} s"
-    return f"the first {spec.horizon + 1} samples{seconds}"
+    samples = f"{spec.horizon + 1} samples" if spec.horizon else "sample"
+    return f"the first {samples}{seconds}"
 
 
 def warnings(spec: Spec, signals: Mapping[str, Array]) -> list[str]:

@@ -10,8 +10,19 @@ docs/spec-language.md describes the language. This package needs NumPy and lark,
 from tltlrl.logic.errors import SpecError, TraceError
 from tltlrl.logic.explain import Explanation
 from tltlrl.logic.meaning import Region
-from tltlrl.logic.spec import Spec, load_spec, parse_spec
+from tltlrl.logic.spec import Spec, is_signal_name, load_spec, parse_spec
 from tltlrl.logic.telescope import telescope
 from tltlrl.logic.traps import Trap
 
-__all__ = ["Explanation", "Region", "Spec", "SpecError", "TraceError", "Trap", "load_spec", "parse_spec", "telescope"]
+__all__ = [
+    "Explanation",
+    "Region",
+    "Spec",
+    "SpecError",
+    "TraceError",
+    "Trap",
+    "is_signal_name",
+    "load_spec",
+    "parse_spec",
+    "telescope",
+]

@@ -282,7 +282,7 @@ class _Resolver:
         for label in d.labels or (None,):
             scope: Scope = {d.variable: label} if d.variable and label else {}
             if d.keyword == "let":
-                self.results[d.name, label] = self.amount(d.body, scope)
+                self.results[d.name, label] = self.amount(d.body, scope, f"name a formula by 'def {d.name}: ...'")
                 continue
             self.within = _title(d.name, label)
             truth = self.truth(d.body, scope)
@@ -406,11 +406,12 @@ class _Resolver:
             case _:
                 return self._formula(node, scope)
 
-    def amount(self, node: Node, scope: Scope) -> Expression:
-        """A number, a vector or a duration."""
+    def amount(
+        self, node: Node, scope: Scope, advice: str = "only numbers are compared and computed with"
+    ) -> Expression:
+        """A number, a vector or a duration; `advice` is for a formula in its place."""
         result = self.evaluate(node, scope)
         if isinstance(result, Truth):
-            advice = "only numbers are compared and computed with"
             if str(_as_read(node, scope)) in self.declared.booleans:
                 advice = f"'{node}' is true or false, a formula as it stands: delete the comparison"
             raise self.error(node, f"found a formula; expected a number; {advice}")

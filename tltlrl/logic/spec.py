@@ -49,6 +49,17 @@ def parse_spec(
     return Spec(text, constants, name, period=period)
 
 
+def is_signal_name(name: str) -> bool:
+    """Whether a spec can speak of a signal of that name: one word, which means nothing else in the language."""
+    if not name.isidentifier():
+        return False
+    try:
+        parse_spec(f"signal {name}\nspec: F {name} > 0")
+    except SpecError:
+        return False
+    return True
+
+
 def load_spec(path: str | Path, constants: Mapping[str, object] | None = None, period: float | None = None) -> "Spec":
     """A spec from a UTF-8 file.
 

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tltlrl.errors import UserError, nearest
+from tltlrl.logic import is_signal_name
 from tltlrl.simulation.outside import unlike
 from tltlrl.simulation.rollout import Trajectories, substeps
 from tltlrl.simulation.simulator import simulator_of
@@ -234,7 +235,7 @@ def _signals(task: Task) -> Iterator[str]:
     if not signals:
         yield "there must be at least one"
     for name, values in signals.items():
-        if not str(name).isidentifier():
+        if not is_signal_name(str(name)):
             yield f"{name!r} cannot be named in a spec"
         wrong = list(_array(values, (COUNT, task.steps, *np.shape(values)[2:3])))
         yield from (f"{name}: {what}" for what in wrong)

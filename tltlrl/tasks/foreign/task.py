@@ -10,7 +10,7 @@ import numpy as np
 from dm_control import mujoco
 
 from tltlrl.errors import UserError, nearest
-from tltlrl.logic import SpecError, parse_spec
+from tltlrl.logic import is_signal_name
 from tltlrl.tasks.foreign.environment import Described
 from tltlrl.tasks.foreign.keys import ForeignConfig
 from tltlrl.tasks.task import Array, Memory, Outside, Quantity, Signals, StepReward, Task
@@ -91,9 +91,9 @@ class ForeignTask(Task):
     def _signals_named(self, given: Mapping[str, Any]) -> dict[str, list[int]]:
         """Signal => where its values lie among the features."""
         whole = {name: list(range(where.start, where.stop)) for name, where in self.slices.items()}
-        found = {name: columns for name, columns in whole.items() if _speakable(name)}
+        found = {name: columns for name, columns in whole.items() if is_signal_name(name)}
         for name, slices in given.items():
-            if not name.isidentifier() or not _speakable(name) or name in (*whole, COMMAND):
+            if not is_signal_name(name) or name in (*whole, COMMAND):
                 raise UserError(f"task.signals.{name}: it cannot be a name of a signal here; choose another name")
             parts = slices if isinstance(slices, list) else [slices]
             found[name] = [column for part in parts for column in _cut(str(part), whole, f"task.signals.{name}")]
@@ -158,11 +158,3 @@ def _cut(text: str, whole: Mapping[str, Sequence[int]], key: str) -> Sequence[in
     if not cut:
         raise UserError(f"{key}: {text} is empty: {name} has {len(columns)} numbers, 0 to {len(columns) - 1}")
     return cut
-
-
-def _speakable(name: str) -> bool:
-    try:
-        parse_spec(f"signal {name}\nspec: F {name} > 0")
-    except SpecError:
-        return False
-    return True

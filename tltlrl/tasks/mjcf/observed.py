@@ -8,7 +8,7 @@ from typing import Any
 import mujoco
 
 from tltlrl.errors import UserError
-from tltlrl.logic import Spec, SpecError, parse_spec
+from tltlrl.logic import Spec, SpecError, is_signal_name, parse_spec
 from tltlrl.tasks.mjcf import quantities
 from tltlrl.tasks.mjcf.evaluation import At
 from tltlrl.tasks.mjcf.model import Told
@@ -49,7 +49,7 @@ def signals_named(
 def _default_signals(model: mujoco.MjModel, joints: Sequence[str], told: Told) -> dict[str, list[Measure]]:
     found = {field: [quantities.find(f"{field}.{name}", model, told) for name in joints] for field in STATE}
     for name in quantities.names_in(model, "sensor"):
-        if name.isidentifier() and name not in (*STATE, COMMAND) and _speakable(name):
+        if name not in (*STATE, COMMAND) and is_signal_name(name):
             found[name] = [quantities.find(f"sensordata.{name}", model, told)]
     return found
 
@@ -62,16 +62,8 @@ def check_signal_name(name: str, told: Told) -> None:
     """
     if not name.isidentifier():
         raise told(f"{name} cannot be a name in a spec; use letters, digits and _, a letter first")
-    if not _speakable(name):
+    if not is_signal_name(name):
         raise told(f"{name} is a word of the language; choose another name")
-
-
-def _speakable(name: str) -> bool:
-    try:
-        parse_spec(f"signal {name}\nspec: F {name} > 0")
-    except SpecError:
-        return False
-    return True
 
 
 def state_places(model: mujoco.MjModel, joints: Sequence[str]) -> tuple[list[int], list[int]]:
