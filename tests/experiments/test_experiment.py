@@ -9,9 +9,10 @@ from tltlrl.config.compose import as_meant, compose
 from tltlrl.config.keys import machinery_defaults
 from tltlrl.config.read import read
 from tltlrl.errors import UserError
+from tltlrl.experiments import experiment
 from tltlrl.experiments.experiment import changes, open_run, run_experiment, with_seeds
 from tltlrl.experiments.manifest import settings_in
-from tltlrl.store.files import digest
+from tltlrl.store.files import digest, write_json
 from tltlrl.training.study import LATER, with_later
 
 
@@ -111,3 +112,27 @@ def test_what_was_started_from_is_kept_with_the_results(tmp_path, capsys):
     assert "1 of 1 runs were done before" in capsys.readouterr().err
     with pytest.raises(UserError, match="was made from another policy"):
         run_experiment(*study_of("b", f"policy={tmp_path}/b/tltl_episodic/seed_0"), ["test"])
+
+
+def test_who_computed_what_is_recorded_seldom_and_whole_even_after_ctrl_c(tmp_path, monkeypatch):
+    """The manifest lists every run, so that writing it for each of thousands would cost their square."""
+    written = []
+
+    def write(path, content):
+        if path.name == "manifest.json":
+            written.append(content)
+        write_json(path, content)
+
+    def stopped(*arguments):
+        *_, missing, _, computed = arguments
+        for run in missing[:433]:
+            computed(run, "a machine")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(experiment, "write_json", write)
+    monkeypatch.setattr(experiment, "compute", stopped)
+    asked = compose(["experiment=reach_avoid", "cases=[tltl_episodic]", "seeds=450", f"runs_dir={tmp_path}"])
+    with pytest.raises(KeyboardInterrupt):
+        run_experiment(*read(asked), ["test"])
+    assert len(written) <= experiment.RECORDS + 2
+    assert len(json.loads((tmp_path / "reach_avoid/manifest.json").read_text())["computed"]) == 433

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tltlrl.reports.interval import FEWEST, LEVEL, mean_interval
+from tltlrl.reports.interval import FEWEST, LEVEL, mean_interval, share_interval
 
 
 @pytest.mark.parametrize("count", [FEWEST, 10, 20])
@@ -24,3 +24,11 @@ def test_of_too_few_values_or_one_that_is_not_finite_there_is_none():
 def test_by_hand():
     """Mean 3.5, standard error 0.7638, t quantile 2.5706 of five degrees of freedom."""
     np.testing.assert_allclose(mean_interval(np.arange(1.0, 7.0)), [1.5367, 5.4633], atol=1e-4)
+
+
+@pytest.mark.parametrize(("successes", "trials"), [(0, 10), (7, 10), (10, 10), (1912, 2000)])
+def test_the_interval_of_a_share_is_wilsons(successes, trials):
+    """The roots p of (share - p)^2 = z^2 p (1 - p) / n, with z = 1.959964."""
+    z, share = 1.959964, successes / trials
+    roots = np.roots([1 + z**2 / trials, -2 * share - z**2 / trials, share**2])
+    np.testing.assert_allclose(share_interval(successes, trials), np.clip(sorted(roots), 0, 1), atol=1e-6)

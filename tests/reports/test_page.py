@@ -16,7 +16,7 @@ from tltlrl.experiments.provenance import provenance
 from tltlrl.reports.clauses import standings
 from tltlrl.reports.page import _curves, write_page
 from tltlrl.reports.plotting import PANELS
-from tltlrl.reports.report import summarise
+from tltlrl.reports.report import Tables, summarise
 from tltlrl.store.run import joined, read_results
 from tltlrl.training.session import train
 
@@ -50,7 +50,7 @@ def page(tmp_path_factory):
     curves = pd.read_csv(folder / "curves.csv")
     failures = {"tltl_step/seed_0": "ValueError: <script>alert(1)</script>"}
     write_page(
-        folder, study, curves, summarise(curves, finished), finished, failures, standings(finished),
+        folder, study, Tables(curves, summarise(curves, finished), standings(finished)), finished, failures,
         provenance(study, CONTENT),
     )  # fmt: skip
     return folder / "report.html"

@@ -13,7 +13,6 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 import numpy as np
-from scipy.stats import binomtest
 
 from tltlrl.errors import UserError, shown
 from tltlrl.experiments.experiment import open_calm, open_run
@@ -21,6 +20,7 @@ from tltlrl.learning.policy import Policy
 from tltlrl.logic import Spec, load_spec
 from tltlrl.logic.reasons import failed
 from tltlrl.logic.trace import write_recording
+from tltlrl.reports.interval import share_interval
 from tltlrl.resources import user_path
 from tltlrl.simulation.motion import MEASURES, measures
 from tltlrl.simulation.perturb import Perturbation, perturbation_of
@@ -87,10 +87,10 @@ def _tell(learned: Run, policy: Policy, arguments: Namespace) -> None:
         print(f"trial {trial}: robustness {why.value:+.4f}, {why.verdict}; decided {why.decided_by}{judged}")
     for name, successes in {"success": tried.robustness > 0, **tried.outcomes}.items():
         count = int(np.sum(successes))
-        interval = binomtest(count, arguments.trials).proportion_ci(method="wilson")
+        low, high = share_interval(count, arguments.trials)
         print(
             f"{name} rate {count}/{arguments.trials} = {count / arguments.trials:.2f} "
-            f"(95 % Wilson interval {interval.low:.2f} to {interval.high:.2f})"
+            f"(95 % Wilson interval {low:.2f} to {high:.2f})"
         )
     task = make_task(learned.task)
     simulator = simulator_of(task)
@@ -111,12 +111,12 @@ def _tell_off_model(learned: Run, policy: Policy, perturbation: Perturbation, ar
         rng = np.random.default_rng(arguments.seed)
         tried = try_off_model(learned, policy, perturbation, size, arguments.trials, rng)
         count = int(np.sum(tried.robustness > 0))
-        interval = binomtest(count, arguments.trials).proportion_ci(method="wilson")
+        least, most = share_interval(count, arguments.trials)
         low, median = np.quantile(tried.robustness, [0.05, 0.5], method="lower")
         reasons = failed(learned.spec.explain(tried.signals, tried.lengths))
         why = f"{reasons[0].what} ({reasons[0].count})" if reasons else ""
         print(
-            f"  {size:4.2f}  {f'{count}/{arguments.trials}':<9}  {interval.low:.2f} to {interval.high:.2f}"
+            f"  {size:4.2f}  {f'{count}/{arguments.trials}':<9}  {least:.2f} to {most:.2f}"
             f"  {low:+15.4f}  {median:+7.4f}  {why}".rstrip()
         )
 

@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
 import yaml
 
 from tltlrl.config.compare import differences
@@ -34,11 +33,10 @@ from tltlrl.experiments.progress import Progress
 from tltlrl.experiments.provenance import provenance
 from tltlrl.experiments.scheduler import check_scheduler
 from tltlrl.learning.policy import Policy
-from tltlrl.reports.clauses import standings
 from tltlrl.reports.motion import has_path
 from tltlrl.reports.page import write_page
 from tltlrl.reports.plotting import FORMATS, shows
-from tltlrl.reports.report import summarise, write_report
+from tltlrl.reports.report import median_run, write_report
 from tltlrl.reports.workspace import draw_workspace
 from tltlrl.store import layout
 from tltlrl.store.bounded import read_yaml
@@ -48,7 +46,6 @@ from tltlrl.store.layout import (
     CALM,
     CALM_WORKSPACE,
     CONFIG,
-    CURVES,
     DONE,
     LOG,
     MANIFEST,
@@ -62,6 +59,7 @@ from tltlrl.training.build import cut_windows, make_task, unlike_resets
 from tltlrl.training.session import check_policy, learned_policy, shorter_run
 from tltlrl.training.study import Run, Study, with_later
 
+RECORDS = 100  # how often manifest.json is written in a session, at most: it lists every run
 ITERATIONS = "algorithm.iterations"  # more of them go on where fewer have ended
 
 
@@ -100,14 +98,22 @@ def run_experiment(study: Study, machinery: Machinery, command: list[str]) -> bo
             write_json(folder / MANIFEST, before)
         if missing:
             notes += filter(None, (cut_windows(study), unlike_resets(study)))
+        recorded = before  # what manifest.json says
+
+        def record(session: Mapping[str, Any]) -> None:
+            nonlocal recorded
+            recorded = manifest(whole, before, session)
+            write_json(folder / MANIFEST, recorded)
+
         if missing or before is None:  # otherwise nothing here is of this session, and the manifest stays as it is
             session = start_session(command)
-            write_json(folder / MANIFEST, manifest(whole, before, session))
+            record(session)
 
         def computed(run: Run, machine: str) -> None:
             nonlocal session
             session = with_computed(session, f"{run.case.name}/seed_{run.seed}", machine)
-            write_json(folder / MANIFEST, manifest(whole, before, session))
+            if len(session["computed"]) % -(-len(missing) // RECORDS) == 0:
+                record(session)
 
         paths = [run_folder(folder, run) for run in missing]
         with Progress(
@@ -121,21 +127,21 @@ def run_experiment(study: Study, machinery: Machinery, command: list[str]) -> bo
                 progress.say(note)
             if done:
                 progress.say(f"{done} of {done + len(missing)} runs were done before and are kept")
-            failures = compute(folder, study, machinery, missing, progress, computed) if missing else {}
+            try:
+                failures = compute(folder, study, machinery, missing, progress, computed) if missing else {}
+            except BaseException:  # Ctrl-C above all
+                record(session)
+                raise
             results = finished(folder, whole)
-            for line in write_report(folder, whole, results, failures):
+            lines, tables = write_report(folder, whole, results, failures)
+            for line in lines:
                 progress.say(line)
         draw_cases(folder, whole, results)
         if missing or before is None:
-            write_json(folder / MANIFEST, manifest(whole, before, end_session(session)))
-        if results:
-            curves = pd.read_csv(folder / CURVES)
-            content = read_manifest(folder / MANIFEST)
-            assert content is not None
-            write_page(
-                folder, whole, curves, summarise(curves, results), results, failures, standings(results),
-                provenance(whole, content),
-            )  # fmt: skip
+            record(end_session(session))
+        if tables is not None:
+            assert recorded is not None
+            write_page(folder, whole, tables, results, failures, provenance(whole, recorded))
     return not failures
 
 
@@ -215,11 +221,10 @@ def draw_cases(folder: Path, study: Study, results: Mapping[Path, Mapping[str, A
         return
     for case in study.cases:
         clear_leftovers(folder / case.name)
-        runs = {run_folder(folder, run): run for run in study.runs() if run.case == case}
-        done = sorted((path for path in runs if path in results), key=lambda path: results[path]["robustness_policy"])
-        if not done:
+        median = median_run(results, case.name)
+        if median is None:
             continue
-        median = done[(len(done) - 1) // 2]
+        runs = {run_folder(folder, run): run for run in study.runs() if run.case == case}
         calm = open_calm(runs[median], median)
         for policy, file, name in ((learned_policy(median), POLICY, WORKSPACE), (calm, CALM, CALM_WORKSPACE)):
             path = folder / case.name / name

@@ -1,10 +1,10 @@
-"""How far a mean over seeds can be trusted."""
+"""How far a mean over seeds, or a share of trials, can be trusted."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t
+from scipy.stats import binomtest, t
 
 Array = NDArray[np.float64]
 
@@ -25,3 +25,14 @@ def mean_interval(values: Array) -> tuple[Array, Array]:
     known = np.where(np.isfinite(values), values, np.nan)
     mean, half = known.mean(axis=-1), t.ppf((1 + LEVEL) / 2, count - 1) * known.std(axis=-1, ddof=1) / np.sqrt(count)
     return mean - half, mean + half
+
+
+def share_interval(successes: int, trials: int) -> tuple[float, float]:
+    """Wilson's interval of a share, at `LEVEL`: its ends, from 0 to 1.
+
+    Args:
+      successes: of the trials.
+      trials: how many; at least 1.
+    """
+    interval = binomtest(int(successes), int(trials)).proportion_ci(confidence_level=LEVEL, method="wilson")
+    return float(interval.low), float(interval.high)

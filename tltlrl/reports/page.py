@@ -14,17 +14,16 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.stats import binomtest
 
 from tltlrl.logic.reasons import from_json
 from tltlrl.reports.charts import Line, chart
 from tltlrl.reports.clauses import Standing, averaged, stuck
 from tltlrl.reports.comparison import compare
-from tltlrl.reports.interval import LEVEL, mean_interval
+from tltlrl.reports.interval import LEVEL, mean_interval, share_interval
 from tltlrl.reports.motion import watch
 from tltlrl.reports.player import player
 from tltlrl.reports.plotting import LABELS, PANELS, near_zero
-from tltlrl.reports.report import HOW_DECIDED, judged_besides
+from tltlrl.reports.report import HOW_DECIDED, Tables, judged_besides, median_run
 from tltlrl.simulation.simulator import simulator_of
 from tltlrl.store.clauses import CLAUSE, DECIDES
 from tltlrl.store.files import write_text
@@ -36,6 +35,7 @@ from tltlrl.training.study import Study
 CLAIMS = "claims.md"
 FILMS = {".mp4": "video/mp4", ".gif": "image/gif"}
 LARGEST = 3_000_000  # bytes, of a film or picture that is taken into the page
+NUMBER = ' class="number"'
 NOTHING = "default-src 'none'; img-src data:; media-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 
 
@@ -59,11 +59,9 @@ class Provenance:
 def write_page(
     folder: Path,
     study: Study,
-    curves: pd.DataFrame,
-    summary: pd.DataFrame,
+    tables: Tables,
     finished: Mapping[Path, Mapping[str, Any]],
     failures: Mapping[str, str],
-    known: Mapping[str, Mapping[int, Standing]],
     provenance: Provenance,
 ) -> None:
     """report.html in the experiment's folder.
@@ -71,16 +69,16 @@ def write_page(
     Args:
       folder: of the experiment; its pictures are taken from there.
       study: what was asked for.
-      curves, summary: learning_curves.csv and summary.csv.
+      tables: of the finished runs.
       finished: folder of a run => its results.
       failures: run => message.
-      known: case => seed => how the parts of the spec stood.
       provenance: how it was made.
     """
+    summary = tables.summary
     sections = {
         "Verdict": _verdict(study, summary, failures),
-        "Learning curves": _curves(curves),
-        "Clauses": _clauses(study, finished, known),
+        "Learning curves": _curves(tables.curves),
+        "Clauses": _clauses(study, finished, tables.standings),
         "Motions": _motions(folder, study, finished),
         "Trials": _trials(study, summary, finished),
         "Statistics": _statistics(summary, folder),
@@ -122,12 +120,9 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]], name: str) -> str
     )
 
 
-NUMBER = ' class="number"'
-
-
 def _rate(successes: int, trials: int) -> str:
-    interval = binomtest(successes, trials).proportion_ci(method="wilson")
-    return f"{successes} of {trials} ({100 * interval.low:.0f} to {100 * interval.high:.0f} %)"
+    low, high = share_interval(successes, trials)
+    return f"{successes} of {trials} ({100 * low:.0f} to {100 * high:.0f} %)"
 
 
 def _verdict(study: Study, summary: pd.DataFrame, failures: Mapping[str, str]) -> str:
@@ -230,8 +225,8 @@ def _motions(folder: Path, study: Study, finished: Mapping[Path, Mapping[str, An
     simulator = simulator_of(task)
     parts = []
     for case in dict.fromkeys(run_of(path)[0] for path in finished):
-        runs = [path for path in finished if run_of(path)[0] == case]
-        median = sorted(runs, key=lambda path: finished[path]["robustness_policy"])[(len(runs) - 1) // 2]
+        median = median_run(finished, case)
+        assert median is not None
         name = f"{_label(case)}, seed {run_of(median)[1]}"
         motion = watch(task, study.spec, learned_policy(median), simulator)
         picture = _embedded(folder / case / f"{WORKSPACE}.png", "image/png", f"Workspace of {name}")

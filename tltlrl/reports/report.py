@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.stats import binomtest
 
 from tltlrl.logic import Spec
 from tltlrl.logic.reasons import from_json, merge
 from tltlrl.reports.clauses import Standing, plot_clauses, standings, stuck_lines
-from tltlrl.reports.interval import FEWEST, LEVEL, Array, mean_interval
+from tltlrl.reports.interval import FEWEST, LEVEL, Array, mean_interval, share_interval
 from tltlrl.reports.motion import has_path
 from tltlrl.reports.plotting import FORMATS, plot_learning_curves, titled
 from tltlrl.simulation.motion import MEASURES
@@ -37,9 +37,23 @@ from tltlrl.training.build import make_task
 from tltlrl.training.study import Study
 
 
+@dataclass(frozen=True)
+class Tables:
+    """What an experiment's runs show.
+
+    Attributes:
+      curves, summary: learning_curves.csv and summary.csv.
+      standings: case => seed => how the parts of the spec stood.
+    """
+
+    curves: pd.DataFrame
+    summary: pd.DataFrame
+    standings: Mapping[str, Mapping[int, Standing]]
+
+
 def write_report(
     folder: Path, study: Study, finished: Mapping[Path, Mapping[str, Any]], failures: Mapping[str, str]
-) -> list[str]:
+) -> tuple[list[str], Tables | None]:
     """Writes every table and figure from the finished runs' files; what failed is listed.
 
     If no run has finished, tables and figures of an earlier time, whose runs are there no more, are deleted.
@@ -51,7 +65,7 @@ def write_report(
       failures: run => message.
 
     Returns:
-      What came out, in a few lines.
+      What came out, in a few lines, and the tables, if a run has finished.
     """
     if not finished:
         pictures = (f"{name}{suffix}" for name in (FIGURE, CLAUSES_FIGURE) for suffix in FORMATS)
@@ -59,7 +73,7 @@ def write_report(
             (folder / name).unlink(missing_ok=True)
         lines = [f"# {study.name}", "", "No run has finished.", *_failure_lines(failures)]
         write_text(folder / SUMMARY_PAGE, "\n".join(lines) + "\n")
-        return ["no run has finished"]
+        return ["no run has finished"], None
     write_text(folder / CURVES, joined([(path / PROGRESS).read_text(encoding="utf-8") for path in finished]))
     curves = pd.read_csv(folder / CURVES)
     summary = summarise(curves, finished)
@@ -70,7 +84,18 @@ def write_report(
     plot_learning_curves(titled([folder], [curves]), folder / FIGURE)
     if known:
         plot_clauses(known, folder / CLAUSES_FIGURE)
-    return [*outcome_lines(summary), f"report: {folder / REPORT}, {PAGE}"]
+    return [*outcome_lines(summary), f"report: {folder / REPORT}, {PAGE}"], Tables(curves, summary, known)
+
+
+def median_run(finished: Mapping[Path, Mapping[str, Any]], case: str) -> Path | None:
+    """The folder of the case's finished run with the median robustness of the mean policy, the lower of two.
+
+    Args:
+      finished: folder of a run => its results.
+      case: its name.
+    """
+    own = [path for path in finished if run_of(path)[0] == case]
+    return sorted(own, key=lambda path: finished[path]["robustness_policy"])[(len(own) - 1) // 2] if own else None
 
 
 def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) -> pd.DataFrame:
@@ -311,8 +336,8 @@ def _mean(values: Array) -> str:
 
 
 def _rate(successes: Any, count: Any) -> str:
-    interval = binomtest(int(successes), int(count)).proportion_ci(method="wilson")
-    return f"{successes} of {count} ({interval.low:.3f} to {interval.high:.3f})"
+    low, high = share_interval(successes, count)
+    return f"{successes} of {count} ({low:.3f} to {high:.3f})"
 
 
 def _why(done: Mapping[str, Any], timestep: float) -> str:

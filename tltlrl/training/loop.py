@@ -58,10 +58,12 @@ def iterate(run: Run, setup: Setup, state: Any, iteration: int) -> Iteration:
     robustness = run.spec.robustness(signals, trajectories.lengths)
     sampled, of_policy = robustness[:samples], robustness[samples]
     sample_signals = {name: values[:samples] for name, values in signals.items()}
+    parts = run.spec.parts(sample_signals, trajectories.lengths[:samples])
     told = sampled
     if setup.reward is None:
         if run.algorithm.told == "leximin":
-            clauses = setup.told.clauses(sample_signals, trajectories.lengths[:samples])
+            own = setup.told is run.spec
+            clauses = parts.clauses if own else setup.told.clauses(sample_signals, trajectories.lengths[:samples])
             told = leximin(np.stack(list(clauses.values()), axis=1))
         elif setup.told is not run.spec:
             told = setup.told.robustness(sample_signals, trajectories.lengths[:samples])
@@ -80,9 +82,8 @@ def iterate(run: Run, setup: Setup, state: Any, iteration: int) -> Iteration:
         "satisfied_fraction": np.mean(sampled > 0),
     } | diagnostics
     env_steps = int(trajectories.lengths[:samples].sum())
-    stand = standing(run.spec.parts(sample_signals, trajectories.lengths[:samples]))
     numbers = {name: float(value) for name, value in record.items()}
-    return Iteration(following, numbers, stand, env_steps, physics_seconds)
+    return Iteration(following, numbers, standing(parts), env_steps, physics_seconds)
 
 
 def score(reward: StepReward | None, signals: Signals, told: Array, telescoped: Array | None = None) -> Scores:

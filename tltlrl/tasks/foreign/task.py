@@ -56,7 +56,7 @@ class ForeignTask(Task):
         self.action = (Quantity("commands", "", tuple(f"{COMMAND}_{i}" for i in range(size))),)
         self.command_scale = (said.high - said.low) / 2
         self.command_noise = config.command_noise * self.command_scale
-        self._outside = self.outside = Outside(said.make, (said.low, said.high), config.start)
+        self.outside: Outside = Outside(said.make, (said.low, said.high), config.start)
         self._columns = self._signals_named(config.signals)
         self.feedback = self._gains(config.feedback)
 
@@ -84,8 +84,8 @@ class ForeignTask(Task):
 
     def reference(self) -> tuple[Array, Array]:
         """The start, and the commands in the middle of their range."""
-        low, high = self._outside.command_range
-        first = np.append(self._outside.make(False).reset(self._outside.seed or 0), 0.0)
+        low, high = self.outside.command_range
+        first = np.append(self.outside.make(False).reset(self.outside.seed or 0), 0.0)
         return np.tile(first, (self.steps, 1)), np.tile((low + high) / 2, (self.steps, 1))
 
     def _signals_named(self, given: Mapping[str, Any]) -> dict[str, list[int]]:
