@@ -14,7 +14,7 @@ import psutil
 from benchmarks.simulation import Row, seconds
 from tltlrl.config.compose import compose
 from tltlrl.config.read import read
-from tltlrl.experiments.experiment import finished, run_folder, survey
+from tltlrl.experiments.results import finished, run_folder, survey
 from tltlrl.learning.policy import Policy
 from tltlrl.reports.plotting import plot_learning_curves, titled
 from tltlrl.reports.report import write_report

@@ -21,7 +21,7 @@ from typing import Any
 import pandas as pd
 
 from studies.smoothness import finished
-from tltlrl.experiments.experiment import open_run
+from tltlrl.experiments.results import open_run
 from tltlrl.simulation.motion import MEASURES
 from tltlrl.training.build import set_up
 from tltlrl.training.calm import begin, calm_policy, simplified

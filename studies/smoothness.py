@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from tltlrl.experiments.experiment import open_run
+from tltlrl.experiments.results import open_run
 from tltlrl.learning.policy import Policy
 from tltlrl.logic import Spec
 from tltlrl.simulation.rollout import Simulator

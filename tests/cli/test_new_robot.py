@@ -9,7 +9,7 @@ import yaml
 from tltlrl.cli import main as cli
 from tltlrl.config.compose import compose
 from tltlrl.config.read import read
-from tltlrl.experiments.experiment import changes
+from tltlrl.experiments.extend import changes
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 MODEL = """\

@@ -8,7 +8,7 @@ import yaml
 from tltlrl.config.compose import compose
 from tltlrl.config.read import read
 from tltlrl.errors import UserError
-from tltlrl.experiments.experiment import prepare
+from tltlrl.experiments.extend import prepare
 from tltlrl.experiments.manifest import intact, manifest, put_right, read_manifest, settings_in, start_session
 
 

@@ -10,8 +10,10 @@ from tltlrl.config.keys import machinery_defaults
 from tltlrl.config.read import read
 from tltlrl.errors import UserError
 from tltlrl.experiments import experiment
-from tltlrl.experiments.experiment import changes, open_run, run_experiment, with_seeds
+from tltlrl.experiments.experiment import run_experiment
+from tltlrl.experiments.extend import changes, with_seeds
 from tltlrl.experiments.manifest import settings_in
+from tltlrl.experiments.results import open_run
 from tltlrl.store.files import digest, write_json
 from tltlrl.training.study import LATER, with_later
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from tltlrl.errors import UserError, shown
-from tltlrl.experiments.experiment import open_calm, open_run
+from tltlrl.experiments.results import open_calm, open_run
 from tltlrl.learning.policy import Policy
 from tltlrl.logic import Spec, load_spec
 from tltlrl.logic.reasons import failed

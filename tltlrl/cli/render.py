@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from tltlrl.errors import shown
-from tltlrl.experiments.experiment import open_calm, open_run
+from tltlrl.experiments.results import open_calm, open_run
 from tltlrl.reports.strips import draw_strips
 from tltlrl.reports.video import Film, beside, film, write_film
 from tltlrl.reports.workspace import can_draw, draw_workspace

@@ -31,9 +31,10 @@ from tltlrl.config.keys import KEYS, Role, is_budget
 from tltlrl.config.machinery import Machinery
 from tltlrl.config.read import read
 from tltlrl.errors import UserError
-from tltlrl.experiments.experiment import finished, run_experiment
+from tltlrl.experiments.experiment import run_experiment
 from tltlrl.experiments.folder import empty, read_record, working_in
 from tltlrl.experiments.journal import open_journal, proven
+from tltlrl.experiments.results import finished
 from tltlrl.experiments.scheduler import check_scheduler
 from tltlrl.store.files import digest, write_text
 from tltlrl.store.layout import JOURNAL, LOG, SEARCH, SUMMARY_PAGE, TRIALS

@@ -227,7 +227,7 @@ def resume(folder: Path, identity: str, like: Callable[[int], Any]) -> tuple[int
     try:
         saved = read_checkpoint(folder, identity)
         state = saved and from_arrays(like(saved.iteration), saved.state)
-    except DamagedError:  # the command has said so; see tltlrl.experiments.experiment.survey
+    except DamagedError:  # the command has said so; see tltlrl.experiments.results.survey
         saved = state = None
     if saved is None or state is None:
         drop_checkpoint(folder)
