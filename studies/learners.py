@@ -2,8 +2,9 @@
 
     python -m studies.learners --seeds 20 --runs runs --output studies/learners.csv
 
-trains what is missing with `tltl-run` into folders RUNS/learners_TASK_NAME, writes one row per run, and prints a row
-per task and learner. `tltl_step` has a table of its own, in docs/online.md.
+trains what is missing with `tltl-run`, writes one row per run, and prints a row per task and learner. Runs of
+`experiment=TASK` and of `experiment=TASK_best` with as many seeds are taken from RUNS/TASK and RUNS/TASK_best; the
+others are trained into RUNS/learners_TASK_NAME. `tltl_step` has a table of its own, in docs/online.md.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from tltlrl.store.layout import CURVES, SUMMARY
 # No trajectory can be worth more: the goals' radius, and half the slot's width that the spec leaves (m).
 BEST = {"reach_avoid": 0.2, "toast": 0.025, "visit_in_order": 0.2}
 REUSE = ("algorithm.told=leximin", "algorithm.batches=5", "algorithm.epsilon=2")
+CASE = "tltl_episodic"
 # The budget, and all else that is not named here, is that of the task's experiment in figure 3.3 or 3.4.
 LEARNERS: dict[str, tuple[str, ...]] = {
     "episodic": ("cases=[tltl_episodic]",),
@@ -39,10 +41,20 @@ def command(task: str, learner: str, seeds: int, runs: Path) -> list[str]:
     ]
 
 
+def made_before(task: str, learner: str, seeds: int, runs: Path) -> Path | None:
+    """The folder of the user's own experiment, if it has the learner's runs with seeds 0 to `seeds` - 1."""
+    name = {"episodic": task, "best": f"{task}_best"}.get(learner)
+    if name is None or not (runs / name / SUMMARY).is_file():
+        return None
+    table = pd.read_csv(runs / name / SUMMARY)
+    return runs / name if set(range(seeds)) <= set(table.loc[table["case"] == CASE, "seed"]) else None
+
+
 def rows_of(folder: Path, task: str, learner: str) -> pd.DataFrame:
     """One row per run of a result folder: what was learned, and after how many iterations it stayed."""
-    summary = pd.read_csv(folder / SUMMARY).set_index("seed")
-    curves = pd.read_csv(folder / CURVES)
+    summary, curves = (pd.read_csv(folder / name) for name in (SUMMARY, CURVES))
+    summary, curves = (table[table["case"].isin([CASE, "tltl_cma"])] for table in (summary, curves))
+    summary = summary.set_index("seed")
     found = []
     for seed, curve in curves.groupby("seed"):
         learned = summary.loc[seed]
@@ -102,9 +114,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     tables = []
     for task in BEST:
         for learner in LEARNERS:
-            if run([*command(task, learner, asked.seeds, asked.runs), *asked.overrides]):
-                return 1
-            tables.append(rows_of(asked.runs / f"learners_{task}_{learner}", task, learner))
+            folder = made_before(task, learner, asked.seeds, asked.runs)
+            if folder is None:
+                if run([*command(task, learner, asked.seeds, asked.runs), *asked.overrides]):
+                    return 1
+                folder = asked.runs / f"learners_{task}_{learner}"
+            tables.append(rows_of(folder, task, learner))
             table = pd.concat(tables, ignore_index=True)
             table.to_csv(asked.output, index=False, lineterminator="\n")
     print(overview(table).to_string(index=False))

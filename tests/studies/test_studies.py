@@ -178,14 +178,18 @@ def test_learners_are_compared_by_when_they_satisfy_for_good(tmp_path):
     """Of three runs one satisfies from the third iteration on, one from the first, and one loses it again."""
     kept = {0: [-0.1, 0.1, -0.1, 0.1], 1: [0.1, 0.1, 0.1, 0.1], 2: [0.1, 0.1, 0.1, -0.1]}
     curves = pd.DataFrame(
-        {"seed": seed, "iteration": i, "episodes": 10 * (i + 1), "robustness_policy": value}
+        {"case": "tltl_episodic", "seed": seed, "iteration": i, "episodes": 10 * (i + 1), "robustness_policy": value}
         for seed, values in kept.items()
         for i, value in enumerate(values)
     )
     curves.to_csv(tmp_path / "learning_curves.csv", index=False)
     last = pd.DataFrame({"seed": list(kept), "robustness_policy": [values[-1] for values in kept.values()]})
     last = last.assign(
-        satisfied=last.robustness_policy > 0, first_satisfied_iteration=[1, 0, 0], trials=10, successes=[10, 9, 0]
+        case="tltl_episodic",
+        satisfied=last.robustness_policy > 0,
+        first_satisfied_iteration=[1, 0, 0],
+        trials=10,
+        successes=[10, 9, 0],
     )
     last.to_csv(tmp_path / "summary.csv", index=False)
     rows = learners.rows_of(tmp_path, "reach_avoid", "episodic")
@@ -196,6 +200,16 @@ def test_learners_are_compared_by_when_they_satisfy_for_good(tmp_path):
     curves["robustness_kept"] = 0.1  # of a run that keeps the best: this is what counts
     curves.to_csv(tmp_path / "learning_curves.csv", index=False)
     assert learners.rows_of(tmp_path, "reach_avoid", "best")["for_good"].tolist() == [0, 0, pd.NA]
+
+
+def test_runs_that_the_figures_left_are_taken_if_they_have_all_seeds(tmp_path):
+    (tmp_path / "toast").mkdir()
+    table = pd.DataFrame({"case": ["tltl_episodic"] * 3 + ["discrete_step"] * 4, "seed": [0, 1, 2, 0, 1, 2, 3]})
+    table.to_csv(tmp_path / "toast" / "summary.csv", index=False)
+    assert learners.made_before("toast", "episodic", 3, tmp_path) == tmp_path / "toast"
+    assert learners.made_before("toast", "episodic", 4, tmp_path) is None
+    assert learners.made_before("toast", "best", 3, tmp_path) is None
+    assert learners.made_before("toast", "cma_basis", 3, tmp_path) is None
 
 
 def test_every_learner_of_the_table_is_one_that_tltl_run_accepts(tmp_path):
