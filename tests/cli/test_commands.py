@@ -6,6 +6,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import pandas as pd
@@ -190,6 +191,19 @@ def test_evaluate_tries_a_policy_off_its_model(experiment, capsys):
     assert [line.split()[0] for line in table.splitlines()[2:]] == ["0.00", "0.25", "0.50", "0.75", "1.00"]
     code, _, errors = tltl(capsys, "evaluate", experiment / RUN, "--perturb", "mass=2")
     assert (code, errors) == (2, "tltl: --perturb mass=2: expected mass=0.8:1.2\n")
+
+
+def test_a_warning_is_one_line_without_the_code_that_gave_it(monkeypatch, capsys):
+    """Of a renderer that cannot be used, for instance."""
+
+    def warns(*_):
+        print(warnings.formatwarning("no\x1b egl", UserWarning, "module.py", 8, "warn()"), end="")
+        return 0
+
+    usual = warnings.formatwarning
+    monkeypatch.setattr(cli, "mistakes_told", warns)
+    assert tltl(capsys, "check") == (0, "tltl: no? egl\n", "")
+    assert warnings.formatwarning is usual
 
 
 def test_evaluate_refuses_nonsense(experiment, capsys):

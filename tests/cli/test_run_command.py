@@ -379,6 +379,14 @@ MISTAKES = {
     ),
     ("experiment=reach_avoid", "sedes=3"): "tltl-run: sedes: no such key; did you mean seeds?",
     ("experiment=reach_avoid", "+sedes=3"): "tltl-run: sedes: no such key; did you mean seeds?",
+    ("experiment=reach_avoid", "xyzzy=3"): (  # of its own section alone, and not of every one
+        "tltl-run: xyzzy: no such key; there are: algorithm, cases, constants, engine, experiment, name, overwrite, "
+        "reward, runs_dir, seeds, spec, task, trials, workers"
+    ),
+    ("experiment=reach_avoid", "task.control_timestep=0.013"): (
+        "tltl-run: task.control_timestep: no such key; there are: task.command_noise, task.link_lengths, "
+        "task.max_speed, task.name, task.start_angles, task.steps"
+    ),
     ("experiment=reach_avoid", "+algorithm.sampels=3"): (
         "tltl-run: algorithm.sampels: no such key; did you mean algorithm.samples?"
     ),

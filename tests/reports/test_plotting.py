@@ -1,9 +1,10 @@
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.figure import Figure
 
 from tltlrl.errors import UserError
-from tltlrl.reports.plotting import LABELS, STYLES, plot_learning_curves, titled
+from tltlrl.reports.plotting import LABELS, STYLES, plot_learning_curves, save, titled
 from tltlrl.reports.sealed import read_curves
 
 
@@ -146,3 +147,10 @@ def test_curves_are_read_while_runs_go_on(tmp_path):
     assert not notes
     assert read.groupby("seed")["iteration"].count().to_dict() == {0: 10, 1: 4}
     plot_learning_curves({"a": read}, tmp_path / "a")
+
+
+def test_a_name_in_letters_that_the_font_lacks_is_drawn_without_a_word(tmp_path, recwarn):
+    figure = Figure()
+    figure.text(0.5, 0.5, "机器人")
+    save(figure, tmp_path / "figure")
+    assert not recwarn.list

@@ -10,6 +10,7 @@ import contextlib
 import importlib
 import os
 import sys
+import warnings
 from collections.abc import Callable
 
 from tltlrl.errors import UserError, shown
@@ -86,12 +87,16 @@ def _render_nothing() -> None:
 def _told(name: str, arguments: list[str], command: Callable[[], int]) -> int:
     """Runs a command; what its user has to mend becomes one message and exit code 2, Ctrl-C one and 130."""
     _standard_streams()
+    usual = warnings.formatwarning
+    warnings.formatwarning = lambda message, *_, **__: f"{name}: {shown(str(message))}\n"  # without a line of our code
     try:
         return mistakes_told(name, command)
     except KeyboardInterrupt:
         without = " without overwrite=true" if "overwrite=true" in arguments else ""
         _say(f"{name}: stopped; the same command{without} continues from what is done")
         return 130
+    finally:
+        warnings.formatwarning = usual
 
 
 def mistakes_told(name: str, command: Callable[[], int]) -> int:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -291,13 +291,22 @@ def _explain_composition(error: Any, overrides: Sequence[str]) -> str:
         key = unknown[1]
         if key == "seed":
             return f"seed: no such key; {one_seed(dict(o.split('=', 1) for o in overrides if '=' in o).get('seed'))}"
-        return f"{key}: no such key{nearest(key, () if key.startswith('hydra') else _valid_keys(overrides))}"
+        return f"{key}: no such key{_nearest_key(key, () if key.startswith('hydra') else _valid_keys(overrides))}"
     if missing := re.match(r"You must specify '(\w+)'", text):
         there = re.findall(r"^\t(\S+)$", text, flags=re.MULTILINE)
         return f"say which {missing[1]}: {missing[1]}=NAME, one of: {', '.join(there)}"
     if merging := re.match(r"Error merging override (\S+)", text):
         return f"{merging[1]}: this key cannot have such a value; --cfg job shows the one it has"
     return text.splitlines()[0]
+
+
+def _nearest_key(key: str, valid: Collection[str]) -> str:
+    """What may have been meant; where no key is near, those of the same section."""
+    section = key.rpartition(".")[0]
+    told = nearest(key, {*valid} - {section})
+    if "did you mean" in told:
+        return told
+    return nearest(key, {name for name in valid if name.rpartition(".")[0] == section}) or f"; {section} has none"
 
 
 def _valid_keys(overrides: Sequence[str]) -> set[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -180,7 +181,9 @@ def save(figure: Figure, path: Path, source: str = "") -> None:
     for suffix, metadata in FORMATS.items():
         buffer = io.BytesIO()
         told = {SOURCE[suffix]: source} if source else {}
-        figure.savefig(buffer, format=suffix[1:], dpi=200, metadata=metadata | told)
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Glyph")  # a name in letters that the font lacks is drawn as boxes
+            figure.savefig(buffer, format=suffix[1:], dpi=200, metadata=metadata | told)
         figure.set_layout_engine("none")  # laid out once: the same picture in every format
         write_bytes(path.with_name(path.name + suffix), buffer.getvalue())
 
