@@ -3,6 +3,8 @@
 import json
 from pathlib import Path
 
+import numpy as np
+
 NOTEBOOK = Path(__file__).parents[2] / "examples" / "learn.ipynb"
 
 
@@ -14,4 +16,7 @@ def test_every_cell_runs_and_the_spec_is_learned():
     for code in codes:
         exec(code, names)
     assert names["learned"].robustness > 0
-    assert names["learned"].picture().size[0] > 300
+    learned = names["learned"]
+    assert learned.picture().size[0] > 300
+    velocities = [learned.signals(policy)["velocities"] for policy in (None, learned.calm)]
+    assert np.abs(np.diff(velocities[1], axis=0)).mean() < np.abs(np.diff(velocities[0], axis=0)).mean() / 2

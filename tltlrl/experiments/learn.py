@@ -16,6 +16,7 @@ from tqdm import tqdm
 
 from tltlrl.config.compose import compose, quoted
 from tltlrl.config.read import read
+from tltlrl.experiments.results import open_calm
 from tltlrl.learning.policy import Policy
 from tltlrl.logic import Spec
 from tltlrl.reports.plotting import curves_figure
@@ -36,6 +37,7 @@ class Learned:
       run: what was asked for.
       folder: its files.
       policy: the learned one.
+      calm: the same motion made calm (docs/calm.md), if `algorithm.calm` asked for it and the spec is satisfied.
       curves: one row per iteration; runs/README.md says what the columns mean.
       robustness: of the mean motion; above 0 the spec is satisfied.
       successes, trials: how many noisy trials satisfied it, and of how many.
@@ -48,17 +50,26 @@ class Learned:
     robustness: float
     successes: int
     trials: int
+    calm: Policy | None = None
 
-    def signals(self) -> dict[str, np.ndarray]:
-        """The mean motion: name => (T,) or (T, k), as `Spec.explain` and others take it with a leading axis."""
-        moved = motions(self.run, self.policy, 0, np.random.default_rng(0))
+    def signals(self, policy: Policy | None = None) -> dict[str, np.ndarray]:
+        """The mean motion: name => (T,) or (T, k), as `Spec.explain` and others take it with a leading axis.
+
+        Args:
+          policy: whose motion; the learned one if not given.
+        """
+        moved = motions(self.run, policy or self.policy, 0, np.random.default_rng(0))
         return {name: values[0, : moved.lengths[0]] for name, values in moved.signals.items()}
 
-    def picture(self) -> Image.Image:
-        """The learned motion, if there is a point whose path can be drawn; else the learning curve."""
+    def picture(self, policy: Policy | None = None) -> Image.Image:
+        """The learned motion, if there is a point whose path can be drawn; else the learning curve.
+
+        Args:
+          policy: whose motion; the learned one if not given.
+        """
         if not can_draw(self.run):
             return self.curve()
-        return _image(workspace_figure(self.run, self.policy))
+        return _image(workspace_figure(self.run, policy or self.policy))
 
     def curve(self) -> Image.Image:
         """Robustness against iterations."""
@@ -88,7 +99,7 @@ def learn(
       iterations: policy updates.
       seed: of all noise.
       case: <reward>_<learner>.
-      settings: any other key of the config, as {"algorithm.samples": 30}.
+      settings: any other key of the config, as {"algorithm.samples": 30} or {"experiment": "reach_avoid_best"}.
       folder: for its files, one of its own; a run that was stopped there is gone on with. A temporary one if not given.
 
     Raises:
@@ -108,7 +119,7 @@ def learn(
     config = compose([f"task={task}", f"cases=[{case}]", f"seeds=[{seed}]", *texts, *overrides])
     study, _ = read(config | {"constants": {**config["constants"], **constants}})
     (run,) = study.runs()
-    with tqdm(total=iterations, unit="it") as bar:
+    with tqdm(total=iterations + run.algorithm.calm, unit="it") as bar:
 
         def report(done: int) -> None:
             bar.update(done - bar.n)
@@ -116,10 +127,9 @@ def learn(
         train(run, place, report)
     results = read_results(place, run.identity())
     assert results is not None
-    curves = pd.read_csv(place / PROGRESS)
-    return Learned(
-        run, place, learned_policy(place), curves, results["robustness_policy"], results["successes"], results["trials"]
-    )
+    curves, robustness = pd.read_csv(place / PROGRESS), results["robustness_policy"]
+    policy, calm = learned_policy(place), open_calm(run, place)
+    return Learned(run, place, policy, curves, robustness, results["successes"], results["trials"], calm)
 
 
 def _written(value: Any) -> str:
