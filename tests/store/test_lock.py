@@ -2,10 +2,16 @@
 
 import errno
 import fcntl
+import importlib.util
+import os
+import struct
+import sys
+import types
 
 import pytest
 
 from tltlrl.errors import UserError
+from tltlrl.store import lock
 from tltlrl.store.files import clear_leftovers
 from tltlrl.store.lock import held
 
@@ -45,3 +51,33 @@ def test_only_leftovers_of_ours_are_deleted(tmp_path):
     (tmp_path / ".a.1.part").symlink_to(tmp_path / ".film.part")
     clear_leftovers(tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == [".a.1.part", ".film.part", ".x.y.part"]
+
+
+@pytest.fixture
+def on_windows(monkeypatch):
+    """The module as it is loaded there, over locks of single bytes, which are all that msvcrt has."""
+
+    def locking(descriptor, _mode, length):
+        try:  # of the open file, as there: a second one of the same process is refused, too
+            fcntl.fcntl(descriptor, fcntl.F_OFD_SETLK, struct.pack("hhqqi", fcntl.F_WRLCK, os.SEEK_CUR, 0, length, 0))
+        except BlockingIOError as error:
+            raise PermissionError(errno.EACCES, "Permission denied") from error
+
+    monkeypatch.setitem(sys.modules, "msvcrt", types.SimpleNamespace(locking=locking, LK_NBLCK=2))
+    monkeypatch.setattr(sys, "platform", "win32")
+    monkeypatch.delattr(os, "O_NOFOLLOW")
+    spec = importlib.util.spec_from_file_location("lock_on_windows", lock.__file__)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_windows_has_the_same_lock(on_windows, tmp_path):
+    with (
+        on_windows.held(tmp_path),
+        pytest.raises(on_windows.BusyError, match=f"process {os.getpid()} is working in"),
+        on_windows.held(tmp_path),
+    ):
+        pass
+    with on_windows.held(tmp_path):
+        assert (tmp_path / ".lock").read_text() == f"{os.getpid()}\n"

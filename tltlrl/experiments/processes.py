@@ -12,6 +12,7 @@ import multiprocessing
 import os
 import pickle
 import signal
+import sys
 import threading
 import time
 from collections import deque
@@ -161,7 +162,8 @@ def _without_interrupt() -> Iterator[None]:
     And here it waits for the end: blocked in this thread, the signal may still reach another one, and its exception
     would come between a worker's start and what the worker reads first.
     """
-    resource_tracker.ensure_running()  # starting it unblocks the signal, so that comes first
+    if sys.platform != "win32":
+        resource_tracker.ensure_running()  # starting it unblocks the signal, so that comes first
     handler, interrupted = signal.getsignal(signal.SIGINT), False
 
     def remember(*_: object) -> None:
@@ -171,11 +173,13 @@ def _without_interrupt() -> Iterator[None]:
     deferred = callable(handler) and threading.current_thread() is threading.main_thread()
     if deferred:
         signal.signal(signal.SIGINT, remember)
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    if sys.platform != "win32":
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        if sys.platform != "win32":
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
         if deferred:
             signal.signal(signal.SIGINT, handler)
     if interrupted:
@@ -184,6 +188,7 @@ def _without_interrupt() -> Iterator[None]:
 
 def _work(pipe: Connection) -> None:
     """What a worker does: computes the runs that come out of the pipe, until there is nobody at its other end."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Windows has no blocked signals that a process could inherit
     threading.Thread(target=_end_with_the_command, daemon=True).start()
     ready = False
     while True:

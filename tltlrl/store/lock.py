@@ -7,8 +7,8 @@ other hosts. It ends with the process that holds it, however that ends.
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import os
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,6 +17,21 @@ from tltlrl.errors import UserError
 from tltlrl.store.layout import LOCK
 
 RETRY_SECONDS = 0.05
+
+if sys.platform == "win32":
+    import msvcrt
+
+    BEYOND_THE_NUMBER = 1024  # others could not read a byte that is locked
+
+    def _lock(descriptor: int) -> None:
+        os.lseek(descriptor, BEYOND_THE_NUMBER, os.SEEK_SET)
+        msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+
+else:
+    import fcntl
+
+    def _lock(descriptor: int) -> None:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 class BusyError(UserError):
@@ -45,14 +60,15 @@ def held(folder: Path, patience: float = 0.0) -> Iterator[None]:
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        descriptor = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
+        descriptor = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666)
     except OSError as error:
         raise UserError(f"{folder} cannot be written ({error.strerror}); set another runs_dir=...") from error
     try:
         _check_ours(folder, descriptor)
         _wait(folder, descriptor, time.monotonic() + patience)
         os.ftruncate(descriptor, 0)
-        os.pwrite(descriptor, f"{os.getpid()}\n".encode(), 0)
+        os.lseek(descriptor, 0, os.SEEK_SET)
+        os.write(descriptor, f"{os.getpid()}\n".encode())
         yield
     finally:
         os.close(descriptor)
@@ -60,19 +76,24 @@ def held(folder: Path, patience: float = 0.0) -> Iterator[None]:
 
 def _check_ours(folder: Path, descriptor: int) -> None:
     """Whether the lock is empty or holds a number, as each of ours; another program's is left as it is."""
-    content = os.pread(descriptor, 32, 0)
+    content = _content(descriptor)
     if content and not content.strip().isdigit():
         raise UserError(f"{folder}/{LOCK} is not one of tltlrl's; set another name=... or runs_dir=...")
+
+
+def _content(descriptor: int) -> bytes:
+    os.lseek(descriptor, 0, os.SEEK_SET)
+    return os.read(descriptor, 32)
 
 
 def _wait(folder: Path, descriptor: int, deadline: float) -> None:
     while True:
         try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            _lock(descriptor)
             return
-        except BlockingIOError as error:
+        except (BlockingIOError, PermissionError) as error:  # the latter is what Windows says
             if time.monotonic() >= deadline:
-                holder = os.pread(descriptor, 20, 0).decode("ascii", errors="replace").strip()
+                holder = _content(descriptor).decode("ascii", errors="replace").strip()
                 raise BusyError(folder, holder if holder.isdecimal() else "unknown") from error
             time.sleep(RETRY_SECONDS)
         except OSError as error:
