@@ -65,19 +65,20 @@ def test_the_rewards_of_an_episode_sum_to_its_robustness(reward):
     env = gymnasium.make("tltlrl/VisitInOrder-v0", reward=reward)
     rows = episode(env)
     total, info = sum(reward for _, reward, _ in rows), rows[-1][2]
-    begin = 0.0 if reward == "final" else phi_at_start(env.unwrapped._arms)
+    begin = 0.0 if reward == "final" else phi_at_start(env.unwrapped._robots)
     np.testing.assert_allclose(total, finite(np.array(info["robustness"])) - begin, rtol=0, atol=1e-12)
     assert info["is_success"] == (info["robustness"] > 0)
     assert info["decided_by"].startswith("at step ")
     assert all(row[2]["lower"] <= info["robustness"] <= row[2]["upper"] for row in rows)
-    assert len(rows) == env.unwrapped._arms.task.steps
+    assert len(rows) == env.unwrapped._robots.task.steps
     if reward == "final":
         assert not any(reward for _, reward, _ in rows[:-1])
 
 
-def phi_at_start(arms):
-    arms.begin(0, np.random.default_rng(0))
-    return arms.judges[0]._phi
+def phi_at_start(robots):
+    robots.begin([np.random.default_rng(0)])
+    (episodes,) = robots.judge._running
+    return episodes.phi[0]
 
 
 def test_a_spec_of_ones_own_with_constants(tmp_path):
@@ -102,7 +103,7 @@ def test_many_environments_are_as_each_alone():
     for i, env in enumerate(alone):
         np.testing.assert_array_equal(env.reset(seed=7 + i)[0], observations[i])
     generator, over = np.random.default_rng(0), np.zeros(3, dtype=bool)
-    for _ in range(alone[0].unwrapped._arms.task.steps + 3):
+    for _ in range(alone[0].unwrapped._robots.task.steps + 3):
         actions = generator.uniform(-1, 1, (3, 3)).astype(np.float32)
         observations, rewards, terminated, truncated, infos = many.step(actions)
         for i, env in enumerate(alone):

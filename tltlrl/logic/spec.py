@@ -310,7 +310,7 @@ class Spec:
         if self.period is None and self.counts_seconds:
             raise self._without_period(SpecError)
         ready = self._compiled
-        return Monitor(ready, count, partial(self._sample, ready, count))
+        return Monitor(ready, count, partial(self._sample, ready))
 
     def monitors(self) -> dict[str, Monitor]:
         """A monitor of one trajectory for every top-level clause: text to monitor, as `clauses`.
@@ -321,7 +321,7 @@ class Spec:
         if self.period is None and self.counts_seconds:
             raise self._without_period(SpecError)
         ready = {text: self._compile(clause.node) for text, clause in clauses_of(self._meaning).items()}
-        return {text: Monitor(own, 1, partial(self._sample, own, 1)) for text, own in ready.items()}
+        return {text: Monitor(own, 1, partial(self._sample, own)) for text, own in ready.items()}
 
     def watch(self, period: float | None = None) -> Witnessed:
         """A monitor of one trajectory that also says what decides, as `explain` does.
@@ -351,10 +351,10 @@ class Spec:
             ) from None
 
     def _sample(
-        self, ready: Compiled, count: int, memory: Memory, signals: Mapping[str, ArrayLike], step: int
+        self, ready: Compiled, memory: Memory, signals: Mapping[str, ArrayLike], step: int
     ) -> tuple[Signals, dict[int, Array]]:
         """One sample of a monitor's trajectories: its signals, (N, 1), and the values of what is read of it, (N,)."""
-        present = ready.plan(memory)
+        present, count = ready.plan(memory), memory.count
         block = self._plain_sample(signals, count) if isinstance(signals, Mapping) else None
         if block is None:
             block = self._checked_sample(signals, count, step).whole()

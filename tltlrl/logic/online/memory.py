@@ -4,6 +4,7 @@ from collections import deque
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tltlrl.logic.graph import FOREVER, PAST, Array, Graph, Op, apply
 
@@ -22,11 +23,12 @@ class Memory:
     """What the nodes of a graph remember that look back.
 
     Attributes:
+      count: of trajectories.
       present: nodes that do not look back, on which they stand.
     """
 
     def __init__(self, graph: Graph, roots: list[int], count: int) -> None:
-        self._graph, self._count = graph, count
+        self._graph, self.count = graph, count
         below = graph.below(roots)
         self._nodes = [node for node in below if graph.looks_back[node]]
         needed = {*roots, *(arg for node in self._nodes for arg in graph.ops[node].args)}
@@ -40,7 +42,7 @@ class Memory:
         Raises:
           NotFiniteError: where arithmetic has no finite value.
         """
-        values = {node: value[:, 0] if value.ndim else np.full(self._count, value) for node, value in present.items()}
+        values = {node: value[:, 0] if value.ndim else np.full(self.count, value) for node, value in present.items()}
         for node in self._nodes:
             op = self._graph.ops[node]
             args = [values[arg] for arg in op.args]
@@ -63,9 +65,15 @@ class Memory:
                 accumulates = op.name == "since" or op.data == (None,)
                 kept.append(np.array(values[node if accumulates else op.args[0]]))
 
+    def keep(self, rows: NDArray[np.intp]) -> None:
+        """Remember only these of the trajectories."""
+        self.count = len(rows)
+        for kept in self._kept.values():
+            kept.extend([kept.popleft()[rows] for _ in range(len(kept))])
+
     def state(self) -> list[Array]:
         """All of it, a list of (N,) of fixed length; NaN where nothing was yet."""
-        nothing = np.full(self._count, np.nan)
+        nothing = np.full(self.count, np.nan)
         return [
             part
             for node, kept in self._kept.items()
@@ -80,9 +88,9 @@ class Memory:
             case "previous", (int(steps), bool(strong)):
                 if len(kept) == steps:
                     return kept[0]
-                return np.full(self._count, -np.inf if strong else np.inf)
+                return np.full(self.count, -np.inf if strong else np.inf)
             case "since", _:
-                before = kept[-1] if kept else np.full(self._count, -np.inf)
+                before = kept[-1] if kept else np.full(self.count, -np.inf)
                 return np.maximum(args[1], np.minimum(args[0], before))
             case ((("once" | "historically") as name), (window,)):
                 fold = np.maximum if name == "once" else np.minimum
@@ -90,7 +98,7 @@ class Memory:
                     return fold(args[0], kept[-1]) if kept else args[0]
                 low, _ = window
                 seen = [*kept, args[0]]
-                return fold.reduce(seen[: len(seen) - low] or [np.full(self._count, _BEFORE[name])])
+                return fold.reduce(seen[: len(seen) - low] or [np.full(self.count, _BEFORE[name])])
         raise AssertionError(op)
 
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tltlrl.logic.graph import Array
 from tltlrl.logic.online.memory import Memory
-from tltlrl.logic.online.pursuit import Compiled, Late, Quick, Whole
+from tltlrl.logic.online.pursuit import Compiled, Indices, Late, Quick, Whole
 from tltlrl.logic.semantics import Signals
 
 # (memory, signals, step) -> signals as (N, 1), values of nodes as (N,)
@@ -83,6 +83,14 @@ class Monitor:
     def atom(self, literal: int) -> tuple[int, bool]:
         """The node of the spec's graph that a literal reads, and False if it reads the negation."""
         return self._spec.atoms[literal]
+
+    def keep(self, rows: Indices) -> None:
+        """Follow only these of the trajectories from now on, in this order."""
+        self.count = len(rows)
+        self.literals = self.literals[:, rows]
+        self._memory.keep(rows)
+        for part in (*self.pursuits, *self._whole):
+            part.keep(rows)
 
     def update(self, signals: Mapping[str, ArrayLike]) -> Reading:
         """One more sample.

@@ -295,6 +295,10 @@ class Quick:
             self._summaries[key] = Summary.of(self.together, *key)
         return self._summaries[key]
 
+    def keep(self, rows: Indices) -> None:
+        """Follow only these of the trajectories."""
+        self.alpha = self.alpha[:, rows]
+
     def state(self) -> Array:
         """What later values depend on, (rows, N)."""
         return self.alpha[1:]
@@ -338,6 +342,10 @@ class Late:
             best = np.maximum(best, np.minimum(alpha, rest.all_of(state)[:, 0]))
         return best
 
+    def keep(self, rows: Indices) -> None:
+        """Follow only these of the trajectories."""
+        self.alpha, self._past = self.alpha[:, rows], [literals[:, rows] for literals in self._past]
+
     def state(self) -> Array | None:
         """What later values depend on, (rows, N); None where that grows."""
         if self._clause.automaton is None:
@@ -361,6 +369,10 @@ class Whole:
         steps = len(self._past)
         value = plan(self._graph, {self._node: (0, 1)}, steps).run(signals)[self._node][:, 0]
         return value, np.full_like(value, -np.inf), np.full_like(value, np.inf)
+
+    def keep(self, rows: Indices) -> None:
+        """Follow only these of the trajectories."""
+        self._past = [{key: values[rows] for key, values in one.items()} for one in self._past]
 
 
 def settled(clocks: Mapping[int, Clock], step: int) -> tuple[frozenset[int], frozenset[int]]:
