@@ -94,27 +94,40 @@ def test_a_spec_of_ones_own_with_constants(tmp_path):
         )
 
 
-def test_many_environments_are_as_each_alone():
-    spec = parse_spec(SHORT)
-    many = gymnasium.make_vec("tltlrl/ReachAvoid-v0", num_envs=3, spec=spec, vectorization_mode="vector_entry_point")
-    assert many.metadata["autoreset_mode"] == gymnasium.vector.AutoresetMode.NEXT_STEP
-    alone = [gymnasium.make("tltlrl/ReachAvoid-v0", spec=spec) for _ in range(3)]
-    observations, _ = many.reset(seed=7)
-    for i, env in enumerate(alone):
-        np.testing.assert_array_equal(env.reset(seed=7 + i)[0], observations[i])
-    generator, over = np.random.default_rng(0), np.zeros(3, dtype=bool)
-    for _ in range(alone[0].unwrapped._robots.task.steps + 3):
-        actions = generator.uniform(-1, 1, (3, 3)).astype(np.float32)
-        observations, rewards, terminated, truncated, infos = many.step(actions)
-        for i, env in enumerate(alone):
-            if over[i]:
-                (observation, info), reward, ended = env.reset(), 0.0, False
-            else:
-                observation, reward, ended, _, info = env.step(actions[i])
-            np.testing.assert_array_equal(observation, observations[i])
-            assert (reward, ended, False) == (rewards[i], terminated[i], truncated[i])
-            assert info["robustness"] == infos["robustness"][i]
-            over[i] = ended
+@pytest.mark.parametrize(
+    ("name", "reward"), [("ReachAvoid", "telescoped"), ("VisitInOrder", "final"), ("Toast", "telescoped")]
+)
+def test_many_environments_are_as_each_alone(monkeypatch, name, reward):
+    """Every byte, also where they end at different steps and begin anew."""
+    monkeypatch.setattr(PlanarArm, "terminated", lambda _, features: features[:, 0] > 0.9)
+    make = {"num_envs": 4, "reward": reward} | ({"spec": parse_spec(SHORT)} if name == "ReachAvoid" else {})
+    many = gymnasium.make_vec(f"tltlrl/{name}-v0", vectorization_mode="vector_entry_point", **make)
+    alone = gymnasium.make_vec(f"tltlrl/{name}-v0", vectorization_mode="sync", **make)
+    assert (
+        many.metadata["autoreset_mode"] == alone.metadata["autoreset_mode"] == gymnasium.vector.AutoresetMode.NEXT_STEP
+    )
+    assert many.observation_space == alone.observation_space
+    assert many.action_space == alone.action_space
+    same(many.reset(seed=7), alone.reset(seed=7))
+    generator, ends = np.random.default_rng(0), []
+    for step in range(103):
+        actions = generator.uniform(-1, 1, many.action_space.shape).astype(np.float32)
+        ours, theirs = many.step(actions), alone.step(actions)
+        same(ours, theirs)
+        ends += [step] * int(ours[2].sum())
+    assert len(ends) >= 4
+    assert name == "Toast" or len(set(ends)) > 2
+    same(many.reset(), alone.reset())  # in the middle of some
+
+
+def same(ours, theirs):
+    """Whether two answers of vector environments are equal to the byte."""
+    *arrays, infos = ours
+    *others, known = theirs
+    assert infos.keys() == known.keys()
+    for one, other in zip([*arrays, *infos.values()], [*others, *(known[name] for name in infos)], strict=True):
+        assert one.dtype == other.dtype
+        assert one.tolist() == other.tolist() if one.dtype == object else one.tobytes() == other.tobytes()
 
 
 class Walk(gymnasium.Env):

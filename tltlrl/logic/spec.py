@@ -1,8 +1,9 @@
 """`Spec`: a formula with its signals and constants, ready to be evaluated on batches of trajectories."""
 
 import copy
+import math
 from collections.abc import Iterator, Mapping
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, lru_cache
 from numbers import Real
 from pathlib import Path
 from types import MappingProxyType
@@ -20,6 +21,7 @@ from tltlrl.logic.normalise import divided, predicates, spreads
 from tltlrl.logic.online.memory import Memory, NotFiniteError
 from tltlrl.logic.online.monitor import Monitor
 from tltlrl.logic.online.pursuit import Compiled, compiled
+from tltlrl.logic.online.sheet import Sheet
 from tltlrl.logic.online.witness import Witnessed
 from tltlrl.logic.parser import parse
 from tltlrl.logic.parts import Parts, clauses_of, parts, wanted
@@ -310,7 +312,7 @@ class Spec:
         if self.period is None and self.counts_seconds:
             raise self._without_period(SpecError)
         ready = self._compiled
-        return Monitor(ready, count, partial(self._sample, ready))
+        return Monitor(ready, count, self._sample)
 
     def monitors(self) -> dict[str, Monitor]:
         """A monitor of one trajectory for every top-level clause: text to monitor, as `clauses`.
@@ -321,7 +323,7 @@ class Spec:
         if self.period is None and self.counts_seconds:
             raise self._without_period(SpecError)
         ready = {text: self._compile(clause.node) for text, clause in clauses_of(self._meaning).items()}
-        return {text: Monitor(own, 1, partial(self._sample, own)) for text, own in ready.items()}
+        return {text: Monitor(own, 1, self._sample) for text, own in ready.items()}
 
     def watch(self, period: float | None = None) -> Witnessed:
         """A monitor of one trajectory that also says what decides, as `explain` does.
@@ -351,17 +353,19 @@ class Spec:
             ) from None
 
     def _sample(
-        self, ready: Compiled, memory: Memory, signals: Mapping[str, ArrayLike], step: int
-    ) -> tuple[Signals, dict[int, Array]]:
-        """One sample of a monitor's trajectories: its signals, (N, 1), and the values of what is read of it, (N,)."""
-        present, count = ready.plan(memory), memory.count
+        self, sheet: Sheet, memory: Memory, signals: Mapping[str, ArrayLike], step: int
+    ) -> tuple[Signals, Array]:
+        """One sample of a monitor's trajectories: its signals, (N, 1), and the values of what is read of it."""
+        count = memory.count
         block = self._plain_sample(signals, count) if isinstance(signals, Mapping) else None
         if block is None:
             block = self._checked_sample(signals, count, step).whole()
         try:
-            return block, memory.values(present.run(block))
+            return block, memory.values(sheet.read(block))
         except FloatingPointError:
-            raise self._checked_sample(signals, count, step).failure(present, slice(0, count), block) from None
+            raise self._checked_sample(signals, count, step).failure(
+                memory.layout.plan, slice(0, count), block
+            ) from None
         except NotFiniteError as error:
             raise self._checked_sample(signals, count, step).not_finite(error.node, 0, error.row) from None
 
@@ -370,21 +374,25 @@ class Spec:
 
     def _plain_sample(self, signals: Mapping[str, ArrayLike], count: int) -> Signals | None:
         """What `_checked_sample` makes of floats with which all is well, sooner; None for all else."""
-        begun = np.broadcast_to(np.inf, (count, 1))
-        block: dict[tuple[str, int | None], Array] = {BEGUN: begun} if self._meaning.looks_back else {}
+        block: dict[tuple[str, int | None], Array] = {}
+        if self._meaning.looks_back:
+            block[BEGUN] = np.full((count, 1), np.inf)
         for name, dimension in self._meaning.signals.items():
             value = signals.get(name)
             # Of the class itself: a masked array has more to say than its numbers.
             if type(value) is not np.ndarray or value.dtype != np.float64:
                 return None
-            if value.shape != ((count,) if dimension is None else (count, dimension)) or not np.isfinite(value).all():
+            if value.shape != ((count,) if dimension is None else (count, dimension)):
+                return None
+            if not math.isfinite(np.vdot(value, value)):  # as soon as one is not, and in one call
                 return None
             if name in self._meaning.booleans and not ((value == 0) | (value == 1)).all():
                 return None
             if dimension is None:
                 block[name, None] = value[:, None]
             else:
-                block.update({(name, part): value[:, part, None] for part in range(dimension)})
+                for part in range(dimension):
+                    block[name, part] = value[:, part, None]
         return block
 
     def _one_sample(self, signals: Mapping[str, ArrayLike], count: int) -> Mapping[str, ArrayLike]:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from strategies import SIGNALS, formulas
 
 from tltlrl.logic import SpecError, TraceError, load_spec, parse_spec
-from tltlrl.logic.online import automaton
+from tltlrl.logic.online import automaton, together
 
 SPECS = sorted((Path(__file__).parents[3] / "specs").glob("*.tltl"))
 NAMES = (*SIGNALS, "w", "b")
@@ -57,6 +57,36 @@ def test_every_prefix_has_the_robustness_of_a_whole_evaluation(formula, seed):
 def test_where_automata_grow_too_large_the_slow_ways_are_as_exact(monkeypatch, most, formula, seed):
     monkeypatch.setattr(automaton, "MOST_STATES", most)
     check(parse_spec(DECLARED + str(formula)), samples(seed))
+
+
+@given(formulas(), seeds)
+@settings(deadline=None, max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_groups_of_very_different_sizes_are_folded_one_after_the_other(monkeypatch, formula, seed):
+    monkeypatch.setattr(together, "_MOST_FILLING", 0)
+    check(parse_spec(DECLARED + str(formula)), samples(seed))
+
+
+@pytest.mark.parametrize("text", ["G (norm(p) < 1)", "F (exp(p.x * 1e203) < 1)", "G (p.x * p.x >= 0)"])
+def test_numbers_too_small_for_a_float_are_as_in_a_whole_evaluation(text):
+    spec, p = parse_spec(f"signal p[2]\nspec: {text}"), np.array([[[-1e-200, 2e-200], [-3e-200, 1e-200]]])
+    found = [spec.monitor().update({"p": p[:, 0]}).robustness[0], readings(spec.monitor(), {"p": p})[-1].robustness[0]]
+    assert found == [spec.robustness({"p": p[:, :1]})[0], spec.robustness({"p": p})[0]]
+
+
+@given(formulas(), seeds, st.integers(0, 7))
+@settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_the_trajectories_that_are_kept_go_on_as_if_alone(monkeypatch, formula, seed, left):
+    """Half of them with automata of at most 4 states, so that queues and whole pasts are cut, too."""
+    monkeypatch.setattr(automaton, "MOST_STATES", 4 if seed % 2 else 200)
+    spec, signals, rows = parse_spec(DECLARED + str(formula)), samples(seed, 4), np.array([3, 1])
+    few = {name: values[rows] for name, values in signals.items()}
+    monitor = spec.monitor(4)
+    readings(monitor, {name: values[:, :left] for name, values in signals.items()})
+    monitor.keep(rows)
+    later = readings(monitor, {name: values[:, left:] for name, values in few.items()})
+    for reading, alone in zip(later, readings(spec.monitor(2), few)[left:], strict=True):
+        for part, own in zip(reading, alone, strict=True):
+            np.testing.assert_array_equal(part, own)
 
 
 @pytest.mark.parametrize("path", SPECS, ids=lambda path: path.stem)

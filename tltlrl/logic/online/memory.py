@@ -1,12 +1,13 @@
 """Operators of the past, one sample after the other: what each has to remember, and nothing more."""
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tltlrl.logic.graph import FOREVER, PAST, Array, Graph, Op, apply
+from tltlrl.logic.online.sheet import Layout
 
 _BEFORE = {"historically": np.inf, "once": -np.inf, "since": -np.inf}
 
@@ -24,46 +25,54 @@ class Memory:
 
     Attributes:
       count: of trajectories.
-      present: nodes that do not look back, on which they stand.
+      layout: of the nodes that do not look back.
+      rows: the row of each node in the values.
     """
 
-    def __init__(self, graph: Graph, roots: list[int], count: int) -> None:
+    def __init__(
+        self, graph: Graph, roots: Iterable[int], count: int, layout_of: Callable[[Iterable[int]], Layout]
+    ) -> None:
         self._graph, self.count = graph, count
+        roots = set(roots)
         below = graph.below(roots)
         self._nodes = [node for node in below if graph.looks_back[node]]
         needed = {*roots, *(arg for node in self._nodes for arg in graph.ops[node].args)}
-        self.present = sorted(node for node in needed if not graph.looks_back[node])
+        self.layout = layout_of(node for node in needed if not graph.looks_back[node])
+        self.rows = {**self.layout.rows, **{node: i for i, node in enumerate(self._nodes, len(self.layout.rows))}}
         # Of each operator of the past, the values that it may ask for again: the oldest first.
         self._kept: dict[int, deque[Array]] = {node: deque(maxlen=_length(graph.ops[node])) for node in self._nodes}
 
-    def values(self, present: Mapping[int, Array]) -> dict[int, Array]:
-        """The values at one more sample, (N,), from those of the nodes of the present. Nothing is remembered yet.
+    def values(self, present: Array) -> Array:
+        """The values at one more sample, (rows, N), from those of the layout's. Nothing is remembered yet.
 
         Raises:
           NotFiniteError: where arithmetic has no finite value.
         """
-        values = {node: value[:, 0] if value.ndim else np.full(self.count, value) for node, value in present.items()}
-        for node in self._nodes:
-            op = self._graph.ops[node]
-            args = [values[arg] for arg in op.args]
-            if op.name in PAST:
-                values[node] = self._past(op, self._kept[node], args)
-                continue
-            try:
-                with np.errstate(divide="raise", over="raise", invalid="raise", under="ignore"):
-                    values[node] = apply(op, args)
-            except FloatingPointError:
-                with np.errstate(all="ignore"):
-                    raise NotFiniteError(node, int(np.argmin(np.isfinite(apply(op, args))))) from None
+        if not self._nodes:
+            return present
+        values = np.empty((len(self.rows), self.count))
+        values[: len(present)] = present
+        with np.errstate(divide="raise", over="raise", invalid="raise", under="ignore"):
+            for row, node in enumerate(self._nodes, start=len(present)):
+                op = self._graph.ops[node]
+                args = [values[self.rows[arg]] for arg in op.args]
+                if op.name in PAST:
+                    values[row] = self._past(op, self._kept[node], args)
+                    continue
+                try:
+                    apply(op, args, values[row])
+                except FloatingPointError:
+                    with np.errstate(all="ignore"):
+                        raise NotFiniteError(node, int(np.argmin(np.isfinite(apply(op, args))))) from None
         return values
 
-    def remember(self, values: Mapping[int, Array]) -> None:
+    def remember(self, values: Array) -> None:
         """These were the values at the last sample."""
         for node, kept in self._kept.items():
             op = self._graph.ops[node]
             if op.name in PAST:
                 accumulates = op.name == "since" or op.data == (None,)
-                kept.append(np.array(values[node if accumulates else op.args[0]]))
+                kept.append(values[self.rows[node if accumulates else op.args[0]]].copy())
 
     def keep(self, rows: NDArray[np.intp]) -> None:
         """Remember only these of the trajectories."""
@@ -73,13 +82,11 @@ class Memory:
 
     def state(self) -> list[Array]:
         """All of it, a list of (N,) of fixed length; NaN where nothing was yet."""
-        nothing = np.full(self.count, np.nan)
-        return [
-            part
-            for node, kept in self._kept.items()
-            if self._graph.ops[node].name in PAST
-            for part in (*kept, *[nothing] * ((kept.maxlen or 0) - len(kept)))
-        ]
+        parts = []
+        for node, kept in self._kept.items():
+            if self._graph.ops[node].name in PAST:
+                parts += [*kept, *[np.full(self.count, np.nan)] * ((kept.maxlen or 0) - len(kept))]
+        return parts
 
     def _past(self, op: Op, kept: deque[Array], args: list[Array]) -> Array:
         match op.name, op.data:

@@ -11,11 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from tltlrl.logic.graph import Array
 from tltlrl.logic.online.memory import Memory
-from tltlrl.logic.online.pursuit import Compiled, Indices, Late, Quick, Whole
+from tltlrl.logic.online.pursuit import Compiled, Late, Quick, Whole
+from tltlrl.logic.online.sheet import Sheet
+from tltlrl.logic.online.together import Indices
 from tltlrl.logic.semantics import Signals
 
-# (memory, signals, step) -> signals as (N, 1), values of nodes as (N,)
-Sampler = Callable[[Memory, Mapping[str, ArrayLike], int], tuple[Signals, dict[int, Array]]]
+# (sheet, memory, signals, step) -> signals as (N, 1), values of the memory's nodes
+Sampler = Callable[[Sheet, Memory, Mapping[str, ArrayLike], int], tuple[Signals, Array]]
 
 
 class Reading(NamedTuple):
@@ -48,12 +50,12 @@ class Monitor:
 
     def __init__(self, spec: Compiled, count: int, sample: Sampler) -> None:
         self.count, self._spec, self._sample = count, spec, sample
-        # What every step asks for.
-        rows = {literal: row for row, literal in enumerate(spec.literals, start=1)}
-        self._atoms = [(rows[literal], *atom) for literal, atom in spec.atoms.items()]
-        self._clocks = [(rows[literal], clock) for literal, clock in spec.clocks.items()]
-        self._grows = self.keeps_past
         self.restart()
+        # What every step asks for.
+        self._rows = np.array([self._memory.rows[node] for node, _ in spec.values], np.intp)
+        self._signs = np.array([[1.0 if sign else -1.0] for _, sign in spec.values])
+        self._clocks = list(enumerate(spec.clocks.values(), start=1 + len(spec.atoms)))
+        self._grows = self.keeps_past
 
     def restart(self) -> None:
         """Forget all samples; the next one is the first of new trajectories."""
@@ -62,6 +64,7 @@ class Monitor:
         self.literals = np.empty((0, self.count))
         self.pursuits: list[Quick | Late] = [Late(spec, clause, self.count) for clause in slow]
         self._memory = spec.memory(self.count)
+        self._sheet = Sheet(self._memory.layout, self.count)
         self._whole = [Whole(spec.terms.source, node) for node in spec.others]
         if len(slow) < len(spec.clauses):
             self.pursuits.append(Quick(spec, self.count))
@@ -89,6 +92,7 @@ class Monitor:
         self.count = len(rows)
         self.literals = self.literals[:, rows]
         self._memory.keep(rows)
+        self._sheet = Sheet(self._memory.layout, self.count)
         for part in (*self.pursuits, *self._whole):
             part.keep(rows)
 
@@ -101,25 +105,20 @@ class Monitor:
         Raises:
           TraceError: as `Spec.robustness`; the sample then counts as not read.
         """
-        block, values = self._sample(self._memory, signals, self.steps)
+        block, values = self._sample(self._sheet, self._memory, signals, self.steps)
         whole = [one.update(block) for one in self._whole]
         self._memory.remember(values)
         literals = self._read_literals(values)
-        read = [*(pursuit.update(literals, self.steps) for pursuit in self.pursuits), *whole]
+        read = [pursuit.update(literals, self.steps) for pursuit in self.pursuits] + whole
         robustness, lower, upper = read[0] if len(read) == 1 else map(np.minimum.reduce, zip(*read, strict=True))
         self.steps += 1
         self.literals = literals
         return Reading(robustness, lower, upper, lower == upper, self._state())
 
-    def _read_literals(self, values: Mapping[int, Array]) -> Array:
+    def _read_literals(self, values: Array) -> Array:
         """The values of the literals at this step, after a row of +inf, which stands for no literal."""
-        literals = np.empty((1 + len(self._spec.literals), self.count))
-        literals[0] = np.inf
-        for row, node, sign in self._atoms:
-            if sign:
-                literals[row] = values[node]
-            else:
-                np.negative(values[node], out=literals[row])
+        literals = values.take(self._rows, axis=0)
+        np.multiply(literals, self._signs, out=literals)
         for row, (low, high, inside) in self._clocks:
             literals[row] = np.inf if (low <= self.steps <= high) == inside else -np.inf
         return literals
@@ -127,7 +126,8 @@ class Monitor:
     def _state(self) -> Array | None:
         if self._grows:
             return None
-        parts = [pursuit.state() for pursuit in self.pursuits]
-        steps = [np.full((1, self.count), float(self.steps))] if self._spec.clocks else []
-        past = [part[None] for part in self._memory.state()]
-        return np.concatenate([*(part for part in parts if part is not None), *past, *steps]).T
+        parts = [part for pursuit in self.pursuits if (part := pursuit.state()) is not None]
+        parts += [part[None] for part in self._memory.state()]
+        if self._clocks:
+            parts.append(np.full((1, self.count), float(self.steps)))
+        return parts[0].copy().T if len(parts) == 1 else np.concatenate(parts).T

@@ -46,21 +46,12 @@ def stages(monitor: Monitor, reading: Reading) -> Array:
     phi = finite(reading.robustness)
     for pursuit in monitor.pursuits:
         if isinstance(pursuit, Quick):
-            for states in _stages(pursuit):
-                phi = phi + np.minimum(finite(pursuit.alpha[states].max(axis=0)), 0.0)
+            best = pursuit.together.nearing.fold(np.maximum, pursuit.alpha)
+            for stage in np.minimum(finite(best), 0.0):
+                phi = phi + stage
     return phi
 
 
 def finite(values: Array) -> Array:
     """The values, an infinite one as -FLOOR or FLOOR."""
     return np.nan_to_num(values, nan=np.nan, posinf=FLOOR, neginf=-FLOOR)
-
-
-def _stages(quick: Quick) -> list[list[int]]:
-    """Of each automaton and each distance d >= 1 that its states have, the rows of the states at most that far."""
-    found = []
-    for offset, one in zip(quick.together.offsets, quick.together.automata, strict=True):
-        far = one.distances()
-        for d in sorted({own for own in far if 0 < own < np.inf}):
-            found.append([offset + state for state, own in enumerate(far) if own <= d])
-    return found

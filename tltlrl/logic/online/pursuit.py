@@ -1,26 +1,26 @@
-"""The conjuncts of a spec while trajectories run: all automata step together, on one array.
+"""The conjuncts of a spec while trajectories run: their automata step together, on one array (`together`).
 
 Where a conjunct's automaton would be too large, because of a long window inside an unbounded operator, it runs as many
 steps late as the window is long, and the samples since then are evaluated as a slice (`slices`). Where that
 does not help, the whole past is kept: just as exact, and slower the longer it runs.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tltlrl.logic.graph import FOREVER, Array, Graph
-from tltlrl.logic.online.automaton import Automaton, Guard, Progress, TooLargeError
+from tltlrl.logic.online.automaton import Automaton, Progress, TooLargeError
 from tltlrl.logic.online.memory import Memory
+from tltlrl.logic.online.sheet import Layout
 from tltlrl.logic.online.slices import Ahead, Slice
 from tltlrl.logic.online.terms import Terms, UnsupportedError
-from tltlrl.logic.semantics import Plan, Signals, plan
+from tltlrl.logic.online.together import Indices, Summary, Together
+from tltlrl.logic.semantics import Signals, plan
 
 Clock = tuple[int, int, bool]  # low, high, inside
-Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,16 +56,16 @@ class Compiled:
     terms: Terms
     clauses: tuple[Clause, ...]
     others: tuple[int, ...] = ()
-    plans: dict[tuple[int, ...], Plan] = field(default_factory=dict)
+    _layouts: dict[tuple[int, ...], Layout] = field(default_factory=dict)
 
     @cached_property
     def literals(self) -> tuple[int, ...]:
-        """Terms that are an atom, its negation, or a clock."""
+        """Terms that are an atom, its negation, or a clock; clocks come last."""
         ops = self.terms.graph.ops
         guards = (guard for clause in self.clauses if clause.automaton for _, guard, _ in clause.automaton.transitions)
         slow = self.terms.below(clause.term for clause in self.clauses if clause.is_slow)
         named = slow.union(*guards)
-        return tuple(sorted(term for term in named if ops[term].name in {"literal", "clock"}))
+        return tuple(term for name in ("literal", "clock") for term in sorted(named) if ops[term].name == name)
 
     @cached_property
     def clocks(self) -> dict[int, Clock]:
@@ -79,18 +79,24 @@ class Compiled:
         ops = self.terms.graph.ops
         return {term: _atom(ops[term].data) for term in self.literals if ops[term].name == "literal"}
 
+    @cached_property
+    def values(self) -> tuple[tuple[int, bool], ...]:
+        """What the rows of literals are: nodes of the spec's graph and their signs. The first is +inf; so are, until
+        the time is known, the clocks."""
+        infinite = self.terms.source.add("constant", data=(np.inf,)), True
+        return (infinite, *self.atoms.values(), *[infinite] * len(self.clocks))
+
     def memory(self, count: int) -> Memory:
         """For the past of `count` trajectories."""
         graph = self.terms.source
         of_others = (node for node in graph.below(self.others) if graph.local[node])
-        return Memory(graph, sorted({*(node for node, _ in self.atoms.values()), *of_others}), count)
+        return Memory(graph, {*(node for node, _ in self.values), *of_others}, count, self._layout_of)
 
-    def plan(self, memory: Memory) -> Plan:
-        """Of all that is read of one sample itself."""
-        key = tuple(memory.present)
-        if key not in self.plans:
-            self.plans[key] = plan(self.terms.source, dict.fromkeys(key, (0, 1)), 1)
-        return self.plans[key]
+    def _layout_of(self, nodes: Iterable[int]) -> Layout:
+        key = tuple(sorted(nodes))
+        if key not in self._layouts:
+            self._layouts[key] = Layout.of(self.terms.source, key)
+        return self._layouts[key]
 
     @cached_property
     def quick(self) -> "Together":
@@ -153,115 +159,6 @@ def _clause(terms: Terms, progress: Progress, term: int) -> Clause:
 
 def _is_bounded(terms: Terms, term: int) -> bool:
     return terms.graph.ops[term].name == "bounded"
-
-
-@dataclass(frozen=True)
-class Together:
-    """Some automata as one list of transitions. Numbers are rows of arrays (rows, N).
-
-    Row 0 of the literals is +inf, the guard that asks for nothing; row 0 of the states is -inf, the state that nobody
-    is in.
-
-    Attributes:
-      automata: that it holds.
-      offsets: the number of each one's first state.
-      count: of states.
-      rows, starts: literals of all guards, one guard after the other, and where each begins.
-      sources, guards: of the transitions, ordered by where they lead.
-      targets, heads: where they lead, and the first transition to there.
-    """
-
-    automata: tuple[Automaton, ...]
-    offsets: tuple[int, ...]
-    count: int
-    rows: Indices
-    starts: Indices
-    sources: Indices
-    guards: Indices
-    targets: Indices
-    heads: Indices
-
-    @staticmethod
-    def of(automata: Iterable[Automaton], literals: tuple[int, ...]) -> "Together":
-        """Put automata together whose guards hold some literals."""
-        own = tuple(automata)
-        row = {literal: i for i, literal in enumerate(literals, start=1)}
-        sizes = [len(a.states) for a in own]
-        offsets = tuple(1 + sum(sizes[:i]) for i in range(len(own)))
-        arrows = [(b + o, a + o, guard) for o, one in zip(offsets, own, strict=True) for a, guard, b in one.transitions]
-        arrows.sort(key=lambda arrow: arrow[:2])
-        guards: dict[Guard, int] = {}
-        for _, _, guard in arrows:
-            guards.setdefault(guard, len(guards))
-        lists = [sorted(row[literal] for literal in guard) or [0] for guard in guards]
-        targets = np.array([b for b, _, _ in arrows], np.intp)
-        heads = np.flatnonzero(np.diff(targets, prepend=-1))
-        return Together(
-            own,
-            offsets,
-            1 + sum(sizes),
-            np.array([i for one in lists for i in one], np.intp),
-            np.cumsum([0, *map(len, lists[:-1])], dtype=np.intp),
-            np.array([a for _, a, _ in arrows], np.intp),
-            np.array([guards[guard] for _, _, guard in arrows], np.intp),
-            targets[heads],
-            heads,
-        )
-
-    def transitions(self) -> Iterator[tuple[int, Sequence[int], int]]:
-        """From which state, with which rows of literals, to which."""
-        lists = [part.tolist() for part in np.split(self.rows, self.starts[1:])]
-        into = np.repeat(self.targets, np.diff(self.heads, append=len(self.sources)))
-        for source, guard, target in zip(self.sources.tolist(), self.guards.tolist(), into.tolist(), strict=True):
-            yield source, lists[guard], target
-
-    def start(self, count: int) -> Array:
-        """The states' values before the first sample, (states, N)."""
-        alpha = np.full((self.count, count), -np.inf)
-        alpha[list(self.offsets)] = np.inf
-        return alpha
-
-    def step(self, alpha: Array, literals: Array) -> Array:
-        """The states' values after one more sample, whose literals are (1 + literals, N)."""
-        after = np.full_like(alpha, -np.inf)
-        if len(self.sources):
-            guards = np.minimum.reduceat(literals.take(self.rows, axis=0), self.starts, axis=0)
-            ways = np.minimum(alpha.take(self.sources, axis=0), guards.take(self.guards, axis=0))
-            after[self.targets] = np.maximum.reduceat(ways, self.heads, axis=0)
-        return after
-
-
-@dataclass(frozen=True, slots=True)
-class Summary:
-    """Which states are looked at for robustness, lower and upper bound.
-
-    The value is the minimum over groups of the maximum over the states of a group.
-    """
-
-    rows: Indices
-    starts: Indices
-    cuts: tuple[int, int]  # groups before the first are for the robustness, then come lower, then upper bound
-
-    @staticmethod
-    def of(together: Together, never: frozenset[int], forever: frozenset[int]) -> "Summary":
-        """Where some literals will be -inf from now on, others +inf."""
-        groups: tuple[list[list[int]], ...] = ([], [], [])
-        for offset, one in zip(together.offsets, together.automata, strict=True):
-            sets = ([one.ending()], one.secured(forever), [one.hopeful(never)])
-            for kind, own in zip(groups, sets, strict=True):
-                kind.extend([offset + state for state in sorted(states)] or [0] for states in own)
-        lists = [group for kind in groups for group in kind]
-        return Summary(
-            np.array([row for group in lists for row in group], np.intp),
-            np.cumsum([0, *map(len, lists[:-1])], dtype=np.intp),
-            (len(groups[0]), len(groups[0]) + len(groups[1])),
-        )
-
-    def read(self, alpha: Array) -> tuple[Array, Array, Array]:
-        """Robustness, lower and upper bound, (N,) each."""
-        values = np.maximum.reduceat(alpha.take(self.rows, axis=0), self.starts, axis=0)
-        robustness, lower, upper = np.minimum.reduceat(values, (0, *self.cuts), axis=0)
-        return robustness, lower, upper
 
 
 class Quick:

@@ -32,7 +32,7 @@ class Witnessed:
 
     def __init__(self, monitor: Monitor, meaning: Meaning, source: str) -> None:
         self._monitor, self._meaning, self._source = monitor, meaning, source
-        self._arrows = [list(p.together.transitions()) for p in monitor.pursuits if isinstance(p, Quick)]
+        self._arrows = [p.together.transitions for p in monitor.pursuits if isinstance(p, Quick)]
         self._of_state: dict[int, Origin] = {}  # of the quick clauses' states; none where the value is infinite
         self._of_value: dict[float, Origin] = {}  # what slow clauses keep
         self._truths = _truths(meaning.formula)
