@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.stats import permutation_test
 
 Array = NDArray[np.float64]
 
@@ -63,6 +62,8 @@ def paired_p(a: Array, b: Array) -> float:
         return 1.0
     difference = a - b
     if len(difference) > EXACT_PAIRS:
+        from scipy.stats import permutation_test  # it takes a second to import, and few have so many pairs
+
         result = permutation_test(
             (a, b),
             lambda x, y, axis: np.mean(x - y, axis=axis),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binomtest, t
+from scipy.special import ndtri, stdtrit  # scipy.stats has them, too, and takes a second to import
 
 Array = NDArray[np.float64]
 
@@ -23,16 +23,19 @@ def mean_interval(values: Array) -> tuple[Array, Array]:
     if count < FEWEST:
         return np.full(values.shape[:-1], np.nan), np.full(values.shape[:-1], np.nan)
     known = np.where(np.isfinite(values), values, np.nan)
-    mean, half = known.mean(axis=-1), t.ppf((1 + LEVEL) / 2, count - 1) * known.std(axis=-1, ddof=1) / np.sqrt(count)
+    mean, half = known.mean(axis=-1), stdtrit(count - 1, (1 + LEVEL) / 2) * known.std(axis=-1, ddof=1) / np.sqrt(count)
     return mean - half, mean + half
 
 
 def share_interval(successes: int, trials: int) -> tuple[float, float]:
     """Wilson's interval of a share, at `LEVEL`: its ends, from 0 to 1.
 
+    Those shares p whose score |k / n - p| / sqrt(p (1 - p) / n) is at most the normal quantile z (Wilson 1927).
+
     Args:
-      successes: of the trials.
-      trials: how many; at least 1.
+      successes: k of the trials.
+      trials: n; at least 1.
     """
-    interval = binomtest(int(successes), int(trials)).proportion_ci(confidence_level=LEVEL, method="wilson")
-    return float(interval.low), float(interval.high)
+    k, n, z = successes, trials, ndtri((1 + LEVEL) / 2)
+    centre, half = k + z**2 / 2, z * np.sqrt(k * (n - k) / n + z**2 / 4)
+    return max(0.0, float((centre - half) / (n + z**2))), min(1.0, float((centre + half) / (n + z**2)))
