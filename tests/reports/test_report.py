@@ -1,6 +1,7 @@
 from pathlib import Path
 
 import pandas as pd
+import pytest
 
 from tltlrl.config.compose import compose
 from tltlrl.config.read import read
@@ -64,14 +65,30 @@ def test_the_first_satisfied_iteration_is_a_median_over_all_seeds():
     table = pd.DataFrame(
         {
             "case": case, "seed": seed, "robustness_policy": 0.5, "satisfied": True, "robustness_mean_last": 0.25,
-            "first_satisfied_iteration": first, "trials": 10, "successes": 7, "success_rate": 0.7,
+            "first_satisfied_iteration": first, "satisfied_for_good_iteration": first and first + 5,
+            "trials": 10, "successes": 7, "success_rate": 0.7,
         }
         for seed, (case, first) in enumerate(rows)
     )  # fmt: skip
     experiment, _ = read(compose(["experiment=reach_avoid"]))
     lines = summary_page(experiment, table, {}).splitlines()
-    assert "| a | 3 of 3 | 0.500 (0.500 to 0.500) | 20 | 0.250 | 21 of 30 |" in lines
-    assert "| b | 3 of 3 | 0.500 (0.500 to 0.500) | never | 0.250 | 21 of 30 |" in lines
+    assert "| a | 3 of 3 | 0.500 (0.500 to 0.500) | 20 | 25 | 0.250 | 21 of 30 |" in lines
+    assert "| b | 3 of 3 | 0.500 (0.500 to 0.500) | never | never | 0.250 | 21 of 30 |" in lines
+
+
+@pytest.mark.parametrize(
+    ("values", "first", "for_good"),
+    [([-1, 1, -1, 1], 1, 3), ([1, 1], 0, 0), ([1, 1, -1], 0, None), ([-1, -1], None, None), ([-1, 0], None, None)],
+)
+def test_satisfied_for_good_from_the_iteration_after_the_last_violated_one(values, first, for_good):
+    curves = pd.DataFrame(
+        {"task": "t", "case": "a", "seed": 0, "iteration": i, "robustness_policy": value, "robustness_mean": 0.0}
+        for i, value in enumerate(values)
+    )
+    done = {"robustness_policy": values[-1], "satisfied": values[-1] > 0, "trials": 1, "successes": 1, "outcomes": {}}
+    (row,) = summarise(curves, {Path("a/seed_0"): done}).to_dict("records")
+    found = [row["first_satisfied_iteration"], row["satisfied_for_good_iteration"]]
+    assert [None if value is pd.NA else value for value in found] == [first, for_good]
 
 
 def test_the_outcome_of_every_case_in_a_line():
@@ -90,7 +107,8 @@ def test_of_enough_seeds_the_mean_has_its_interval():
     table = pd.DataFrame(
         {
             "case": "a", "seed": seed, "robustness_policy": 0.5, "satisfied": True, "robustness_mean_last": seed + 1.0,
-            "first_satisfied_iteration": 3, "trials": 10, "successes": 7, "success_rate": 0.7,
+            "first_satisfied_iteration": 3, "satisfied_for_good_iteration": 3,
+            "trials": 10, "successes": 7, "success_rate": 0.7,
         }
         for seed in range(6)
     )  # fmt: skip

@@ -172,6 +172,13 @@ def test_pages_show_the_tables_of_their_csv_files():
         experiment, _ = read(compose([f"experiment={task}"]))
         for line in summary_page(experiment, summary, {}).splitlines():
             assert not line.startswith("|") or line in results, line
+    online = (docs / "online.md").read_text()
+    for task, summary in pd.read_csv(studies / "step.csv").groupby("task"):
+        experiment, _ = read(compose([f"experiment={task}"]))
+        for line in summary_page(experiment, summary, {}).splitlines()[6:]:
+            case, satisfied, robustness, first, for_good, _, successes, *_ = line[2:].split(" | ")
+            row = [task, case, satisfied, first, for_good, robustness, successes.removesuffix(" |")]
+            assert f"| {' | '.join(row)} |" in online, line
 
 
 def test_learners_are_compared_by_when_they_satisfy_for_good(tmp_path):

@@ -23,7 +23,7 @@ from tltlrl.reports.interval import LEVEL, mean_interval, share_interval
 from tltlrl.reports.motion import watch
 from tltlrl.reports.player import player
 from tltlrl.reports.plotting import LABELS, PANELS, near_zero
-from tltlrl.reports.report import HOW_DECIDED, Tables, judged_besides, median_run
+from tltlrl.reports.report import HOW_DECIDED, ITERATIONS, Tables, judged_besides, median_iteration, median_run
 from tltlrl.simulation.simulator import simulator_of
 from tltlrl.store.clauses import CLAUSE, DECIDES
 from tltlrl.store.files import write_text
@@ -130,18 +130,18 @@ def _verdict(study: Study, summary: pd.DataFrame, failures: Mapping[str, str]) -
     for case, own in summary.groupby("case", sort=False):
         met, count, worth = int(own["satisfied"].sum()), len(own), own["robustness_policy"]
         style = "good" if met == count else "bad" if met == 0 else ""
-        first = own["first_satisfied_iteration"].astype(float).fillna(np.inf).median()
         rows.append(
             [
                 escape(_label(case)),
                 f'<span class="{style}">{met} of {count} seeds</span>',
                 f"{worth.median():+.3f} ({worth.min():+.3f} to {worth.max():+.3f})",
-                f"{first:.0f}" if np.isfinite(first) else "never",
+                *(median_iteration(own[name]) for name in ITERATIONS),
                 _rate(int(own["successes"].sum()), int(own["trials"].sum())),
             ]
         )
     head = [
         "case", "satisfies the spec", "robustness, median (min to max)", "first satisfied, iteration, median",
+        "satisfied for good from, median",
         "successful trials (95 % Wilson)",
     ]  # fmt: skip
     failed = "".join(f"<li>{escape(run)}: {escape(message)}</li>" for run, message in failures.items())

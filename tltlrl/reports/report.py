@@ -36,6 +36,8 @@ from tltlrl.tasks.task import Task
 from tltlrl.training.build import make_task
 from tltlrl.training.study import Study
 
+ITERATIONS = ("first_satisfied_iteration", "satisfied_for_good_iteration")
+
 
 @dataclass(frozen=True)
 class Tables:
@@ -111,6 +113,7 @@ def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) 
         case, seed = run_of(path)
         run = runs.get_group((case, seed))
         satisfied = run.loc[run["robustness_policy"] > 0, "iteration"]
+        violated = run.loc[run["robustness_policy"] <= 0, "iteration"]
         rows.append(
             {
                 "task": run["task"].iloc[0],
@@ -119,6 +122,7 @@ def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) 
                 "robustness_policy": done["robustness_policy"],
                 "satisfied": done["satisfied"],
                 "first_satisfied_iteration": satisfied.iloc[0] if len(satisfied) else None,
+                "satisfied_for_good_iteration": max(violated, default=-1) + 1 if done["satisfied"] else None,
                 "robustness_mean_last": run["robustness_mean"].iloc[-1],
                 "robustness_mean_over_run": run["robustness_mean"].mean(),
                 **{name: done.get("motion", {}).get(name) for name in MEASURES},  # results of 0.1 have none
@@ -133,7 +137,13 @@ def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) 
             rows[-1] |= {f"calm_{name}": calm[name] for name in CALM_COLUMNS}
             rows[-1] |= {f"calm_{name}": calm["motion"][name] for name in MEASURES}
             rows[-1] |= {f"calm_{name}": value for name, value in calm["outcomes"].items()}
-    return pd.DataFrame(rows).astype({"first_satisfied_iteration": "Int64"} | dict.fromkeys(MEASURES, "float64"))
+    return pd.DataFrame(rows).astype(dict.fromkeys(ITERATIONS, "Int64") | dict.fromkeys(MEASURES, "float64"))
+
+
+def median_iteration(iterations: pd.Series) -> str:
+    """The median over all seeds; one that never was satisfied counts as later than any other."""
+    median = iterations.astype(float).fillna(np.inf).median()
+    return f"{median:.0f}" if np.isfinite(median) else "never"
 
 
 def outcome_lines(summary: pd.DataFrame) -> list[str]:
@@ -162,17 +172,17 @@ def summary_page(study: Study, summary: pd.DataFrame, failures: Mapping[str, str
         "Robustness is that of the spec for every case, whatever it was trained on; above 0 the spec is satisfied.",
         "",
         "| case | satisfied | robustness of the mean policy, median (min to max) | first satisfied iteration, median "
+        "| satisfied for good from iteration, median "
         f"| robustness of samples, last iteration, mean{interval} | successful trials |"
         + "".join(f" trials with {name.replace('_', ' ')} |" for name in judged),
-        "|---|---|---|---|---|---|" + "---|" * len(judged),
+        "|---|---|---|---|---|---|---|" + "---|" * len(judged),
     ]
     for case, rows in summary.groupby("case", sort=False):
         policy = rows["robustness_policy"]
-        first = rows["first_satisfied_iteration"].astype(float).fillna(np.inf).median()  # over all seeds
         lines.append(
             f"| {case} | {rows['satisfied'].sum()} of {len(rows)} "
             f"| {policy.median():.3f} ({policy.min():.3f} to {policy.max():.3f}) "
-            f"| {f'{first:.0f}' if np.isfinite(first) else 'never'} "
+            f"| {' | '.join(median_iteration(rows[name]) for name in ITERATIONS)} "
             f"| {_mean(rows['robustness_mean_last'].to_numpy())} "
             f"| {rows['successes'].sum()} of {rows['trials'].sum()} |"
             + "".join(f" {rows[name].sum()} of {rows['trials'].sum()} |" for name in judged)
