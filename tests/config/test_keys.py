@@ -33,7 +33,7 @@ def test_the_files_say_the_defaults_of_the_code():
     assert {key: config[key] for key in machinery_defaults()} == machinery_defaults()
     assert config["algorithm"] == dataclasses.asdict(AlgorithmConfig()) | dataclasses.asdict(RepsSettings())
     assert config["trials"] == 100
-    for name in TASKS.built_in:
+    for name in (*TASKS.built_in, *FOREIGN):
         entry = TASKS.get(name)
         for group, kind in (("task", entry.config), ("reward", entry.reward)):
             assert yaml.safe_load((CONFIGS / group / f"{name}.yaml").read_text()) == dataclasses.asdict(kind())

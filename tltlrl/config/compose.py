@@ -203,7 +203,7 @@ def _offer_tasks() -> None:
     """Tells Hydra of the tasks of installed packages, which have no files in configs/: their defaults are in code."""
     from hydra.core.config_store import ConfigStore
 
-    for name in (*TASKS.names(), *FOREIGN):
+    for name in TASKS.names():
         if name in TASKS.built_in:
             continue
         with contextlib.suppress(Exception):  # told to those who choose it
@@ -245,7 +245,7 @@ def complaints_told(overrides: Sequence[str]) -> Iterator[None]:
 def names(group: str) -> list[str]:
     """What can be chosen of a group: the files that come with tltlrl, and the tasks of installed packages."""
     files = {path.stem for path in (CONFIGS / group).glob("*.yaml")}
-    return sorted(files.union(TASKS.names(), FOREIGN) if group == "task" else files)
+    return sorted(files.union(TASKS.names()) if group == "task" else files)
 
 
 def _addable(override: str) -> str:
