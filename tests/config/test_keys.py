@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 import yaml
 
-from tltlrl.config.compose import GROUPS, compose, names
+from tltlrl.config.compose import FOREIGN, GROUPS, compose, names
 from tltlrl.config.keys import KEYS, Role, having, is_budget, kept, machinery_defaults, sections
 from tltlrl.config.machinery import Machinery
 from tltlrl.errors import UserError
