@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from tltlrl.errors import UserError, nearest
 from tltlrl.logic import Spec
 from tltlrl.logic.online.monitor import Reading
-from tltlrl.logic.online.potential import FLOOR, finite, stages
+from tltlrl.logic.online.potential import finite, stages
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -22,7 +22,7 @@ class Judgement(NamedTuple):
 
     Attributes:
       rewards: (N,), 0 at the first sample of an episode.
-      state: (N, M), of the monitors, infinities as -FLOOR and FLOOR.
+      state: (N, M), of the monitors, infinities as in `finite`, 0 for what is not known yet.
       known: robustness, lower and upper, (N,) each.
       verdicts: of each environment whose episode is over: is_success and decided_by.
     """
@@ -87,7 +87,8 @@ class Judge:
         state = np.empty((self._count, states[0].shape[1]))
         for episodes, own in zip(self._running, states, strict=True):
             state[episodes.rows] = own
-        return Judgement(rewards, np.nan_to_num(state, nan=0.0, posinf=FLOOR, neginf=-FLOOR), known, verdicts)
+        state[np.isnan(state)] = 0.0
+        return Judgement(rewards, finite(state), known, verdicts)
 
     def _potential(self, episodes: "_Episodes", reading: Reading, last: Mask) -> Array:
         phi = stages(episodes.monitor, reading) if self._telescoped else np.zeros(len(last))
