@@ -338,6 +338,10 @@ class Spec:
         return Witnessed(spec.monitor(), spec._meaning, spec._source.name)
 
     @cached_property
+    def _looks_back(self) -> bool:
+        return self._meaning.looks_back
+
+    @cached_property
     def _compiled(self) -> Compiled:
         return self._compile(self._meaning.root)
 
@@ -375,7 +379,7 @@ class Spec:
     def _plain_sample(self, signals: Mapping[str, ArrayLike], count: int) -> Signals | None:
         """What `_checked_sample` makes of floats with which all is well, sooner; None for all else."""
         block: dict[tuple[str, int | None], Array] = {}
-        if self._meaning.looks_back:
+        if self._looks_back:
             block[BEGUN] = np.full((count, 1), np.inf)
         for name, dimension in self._meaning.signals.items():
             value = signals.get(name)
