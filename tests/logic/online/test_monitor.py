@@ -74,7 +74,7 @@ def test_numbers_too_small_for_a_float_are_as_in_a_whole_evaluation(text):
 
 
 @given(formulas(), seeds, st.integers(0, 7))
-@settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_the_trajectories_that_are_kept_go_on_as_if_alone(monkeypatch, formula, seed, left):
     """Half of them with automata of at most 4 states, so that queues and whole pasts are cut, too."""
     monkeypatch.setattr(automaton, "MOST_STATES", 4 if seed % 2 else 200)
