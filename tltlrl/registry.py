@@ -11,7 +11,9 @@ What a config says is only ever a name in these tables, never code to import.
 
 from __future__ import annotations
 
+import functools
 import importlib
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -68,9 +70,14 @@ class Registry:
         return address
 
     def _of_packages(self) -> dict[str, str]:
-        from importlib.metadata import entry_points  # costs a start that needs only built-in names too much
+        return _entry_points(self.group, tuple(sys.path))
 
-        return {point.name: point.value for point in entry_points(group=self.group)}
+
+@functools.cache
+def _entry_points(group: str, _path: tuple[str, ...]) -> dict[str, str]:
+    from importlib.metadata import entry_points  # costs a start that needs only built-in names too much
+
+    return {point.name: point.value for point in entry_points(group=group)}
 
 
 TASKS = Registry(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Mapping
@@ -47,8 +48,12 @@ def run(arguments: Namespace) -> int:
     require_optuna()
     fixed, space, distributions = parse_space([*searchpath(arguments.config_dir), *map(as_meant, arguments.overrides)])
 
+    @functools.cache  # a candidate is asked for when it is proposed, run and judged
+    def composed(*searched: str) -> dict[str, Any]:
+        return compose([*fixed, *searched])
+
     def configure(parameters: Mapping[str, Any]) -> dict[str, Any]:
-        return compose([*fixed, *(f"{key}={value}" for key, value in parameters.items())])
+        return composed(*(f"{key}={value}" for key, value in parameters.items()))
 
     study, machinery = read(configure({}))
     asked = Search(study, machinery, tuple(fixed), space, distributions, configure, arguments.seed)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import functools
 import importlib.metadata
 import json
 import os
@@ -181,6 +182,7 @@ def spec_name(study: Study) -> str:
     return Path(study.spec.path or "spec.tltl").name
 
 
+@functools.cache
 def _versions() -> dict[str, str]:
     """Everything installed beside tltlrl: what it depends on depends on more, and any of it can move a result."""
     installed = {re.sub("[-_.]+", "-", d.name).lower(): d.version for d in importlib.metadata.distributions()}
