@@ -472,7 +472,8 @@ MISTAKES = {
         "line `# @package _global_`)"
     ),
     ("experiment=reach_avoid", "reward=null"): (
-        "tltl-run: reward=null: there is no such reward; there are: reach_avoid, toast, visit_in_order"
+        "tltl-run: reward=null: there is no such reward; there are: gymnasium, reach_avoid, suite, toast, "
+        "visit_in_order"
     ),
     ("experiment=reach_avoid", "algorithm={a:1}"): (
         "tltl-run: algorithm={a:1}: there is no such algorithm; there are: reps"
