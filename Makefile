@@ -14,7 +14,10 @@ export OPENBLAS_NUM_THREADS = 1
 # Each command would compile every module again, and that is most of a short command's time.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help reproduce-figures test lint types bench fuzz kill attack grammar grid-search clean
+# Of the Pythons that pyproject.toml allows, those that PATH has.
+VERSIONS = $(foreach python,3.11 3.12,$(if $(shell python$(python) -c 'print(1)' 2>/dev/null),lowest-$(python) newest-$(python)))
+
+.PHONY: help reproduce-figures test test-versions lint types bench fuzz kill attack grammar grid-search clean
 
 help:
 	@grep -E '^## ' $(MAKEFILE_LIST) | sed 's/^## //'
@@ -39,6 +42,23 @@ reproduce-figures: $(READY)
 ## make test: lint, types, tests, and a short run of each experiment through the real command
 test: lint types
 	$(BIN)/python -m pytest --numprocesses logical --dist worksteal
+
+## make test-versions: the tests with the lowest versions that pyproject.toml allows and with the newest of everything, on Python 3.11 and 3.12, as far as PATH has them
+test-versions: $(VERSIONS:%=test-%)
+
+.versions/lowest.txt: pyproject.toml studies/lowest.py
+	@mkdir -p .versions
+	$(PYTHON) -m studies.lowest > $@
+
+test-lowest-%: .versions/lowest.txt
+	python$* -m venv --clear .versions/lowest-$*
+	.versions/lowest-$*/bin/python -m pip install --quiet --constraint $< --editable '.[dev]'
+	.versions/lowest-$*/bin/python -m pytest --numprocesses logical --dist worksteal
+
+test-newest-%:
+	python$* -m venv --clear .versions/newest-$*
+	.versions/newest-$*/bin/python -m pip install --quiet --editable '.[dev]'
+	.versions/newest-$*/bin/python -m pytest --numprocesses logical --dist worksteal
 
 lint: $(READY)
 	$(BIN)/ruff check .
@@ -73,4 +93,4 @@ grid-search: $(READY)
 
 ## make clean: remove the environment and the caches; results in runs/ stay
 clean:
-	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) .versions .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -19,7 +19,7 @@ from tltlrl.config.read import read
 from tltlrl.experiments.results import open_calm
 from tltlrl.learning.policy import Policy
 from tltlrl.logic import Spec
-from tltlrl.reports.plotting import curves_figure
+from tltlrl.reports.plotting import curves_figure, picture
 from tltlrl.reports.workspace import can_draw, workspace_figure
 from tltlrl.store.files import write_text
 from tltlrl.store.layout import PROGRESS
@@ -142,6 +142,4 @@ def _written(value: Any) -> str:
 
 
 def _image(figure: Any) -> Image.Image:
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=120)
-    return Image.open(buffer)
+    return Image.open(io.BytesIO(picture(figure, ".png", 120)))

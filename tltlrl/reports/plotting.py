@@ -53,9 +53,12 @@ PANELS = {  # what is drawn of learning_curves.csv
     "robustness_mean": "sampled trajectories",
     "robustness_policy": "mean policy, without noise",
 }
-FONT: dict[Any, Any] = {"font.size": 9, "axes.titlesize": 9, "legend.fontsize": 8, "pdf.fonttype": 42}
+STYLE: dict[Any, Any] = {
+    "font.size": 9, "axes.titlesize": 9, "legend.fontsize": 8, "pdf.fonttype": 42, "svg.hashsalt": "tltlrl"
+}  # fmt: skip
 # Without what differs between two savings.
 FORMATS: dict[str, dict[str, str | None]] = {".png": {"Software": None}, ".pdf": {"CreationDate": None}}
+UNDATED = FORMATS | {".svg": {"Date": None}}
 SOURCE = {".png": "Source", ".pdf": "Subject"}  # the words of the formats for where a picture is from
 END = {".png": b"IEND\xaeB`\x82", ".pdf": b"%%EOF"}
 DETAIL = 3.0  # a second row of panels reaches this many times as far below 0 as the best curve above,
@@ -78,7 +81,7 @@ def own_style() -> Iterator[None]:
     """Figures are the same whatever a user's matplotlibrc says."""
     with mpl.rc_context():
         mpl.rcdefaults()
-        mpl.rcParams.update(FONT)
+        mpl.rcParams.update(STYLE)
         yield
 
 
@@ -178,14 +181,26 @@ def save(figure: Figure, path: Path, source: str = "") -> None:
       source: of what it shows, such as a digest, kept in the files; see `shows`.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    for suffix, metadata in FORMATS.items():
-        buffer = io.BytesIO()
-        told = {SOURCE[suffix]: source} if source else {}
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "Glyph")  # a name in letters that the font lacks is drawn as boxes
-            figure.savefig(buffer, format=suffix[1:], dpi=200, metadata=metadata | told)
+    for suffix in FORMATS:
+        content = picture(figure, suffix, 200, {SOURCE[suffix]: source} if source else {})
         figure.set_layout_engine("none")  # laid out once: the same picture in every format
-        write_bytes(path.with_name(path.name + suffix), buffer.getvalue())
+        write_bytes(path.with_name(path.name + suffix), content)
+
+
+def picture(figure: Figure, suffix: str, dpi: int, told: Mapping[str, str] | None = None) -> bytes:
+    """A figure as a file's content, without a date: the same bytes for the same figure, whatever the matplotlibrc says.
+
+    Args:
+      figure: drawn within `own_style`.
+      suffix: of the kind of picture, one of `UNDATED`.
+      dpi: pixels per inch.
+      told: words about it that the file keeps, by the format's names.
+    """
+    buffer = io.BytesIO()
+    with own_style(), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph")  # a name in letters that the font lacks is drawn as boxes
+        figure.savefig(buffer, format=suffix[1:], dpi=dpi, metadata={**UNDATED[suffix], **(told or {})})
+    return buffer.getvalue()
 
 
 def shows(path: Path, source: str) -> bool:

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from tltlrl.errors import UserError
 from tltlrl.logic import Explanation, Spec
 from tltlrl.logic.trace import columns
+from tltlrl.reports.plotting import own_style, picture
+from tltlrl.store.files import write_bytes
 
 Array = NDArray[np.float64]
 STYLES = ["-", "--", "-.", ":"]
@@ -32,6 +34,15 @@ def draw(spec: Spec, signals: Mapping[str, Array], why: Explanation, path: str |
     Raises:
       UserError: if it cannot be saved.
     """
+    with own_style():
+        content = picture(_figure(spec, signals, why), Path(path).suffix.lower(), 150)
+    try:
+        write_bytes(Path(path), content)
+    except OSError as error:
+        raise UserError(f"{path}: the picture cannot be saved: {error.strerror}; give another path") from None
+
+
+def _figure(spec: Spec, signals: Mapping[str, Array], why: Explanation) -> Figure:
     curves = {**spec.definitions_over_time(signals), "spec": spec.robustness_over_time(signals)}
     panels = len(signals) + 1
     figure = Figure(figsize=(8, 1.6 * len(signals) + 3.2), layout="constrained")
@@ -59,10 +70,7 @@ def draw(spec: Spec, signals: Mapping[str, Array], why: Explanation, path: str |
     axes[0].set_title(
         f"{spec.formula if len(spec.formula) < 70 else 'spec'}: {why.value:+.4g}", fontsize=10, loc="left"
     )
-    try:
-        figure.savefig(path, dpi=150)
-    except OSError as error:
-        raise UserError(f"{path}: the picture cannot be saved: {error.strerror}; give another path") from None
+    return figure
 
 
 def _draw_curves(axis: Axes, curves: Mapping[str, Array], chosen: str | None = None) -> None:
