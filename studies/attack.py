@@ -35,6 +35,8 @@ SMALL = (
 )  # fmt: skip
 RUN = "small/tltl_episodic/seed_1"
 OF_A_SESSION = (".lock", "timing.csv", "log.txt", "manifest.json", "report.html")
+LAST = "last.npz"  # no result: from where more iterations go on, which start again where it is lost
+MORE = "algorithm.iterations=3"
 SECONDS = 120
 BOMB = "a0: &a0 [x,x,x,x,x,x,x,x,x,x]\n" + "".join(
     f"a{i}: &a{i} [{','.join([f'*a{i - 1}'] * 10)}]\n" for i in range(1, 10)
@@ -74,7 +76,9 @@ def command(folder: Path, *arguments: object, first: Callable[[], object] = lamb
 def contents(folder: Path) -> dict[str, bytes]:
     """Every file of an experiment that has to be the same whoever computed it, and when."""
     files = (path for path in sorted((folder / "small").rglob("*")) if path.is_file())
-    return {str(path.relative_to(folder)): path.read_bytes() for path in files if path.name not in OF_A_SESSION}
+    return {
+        str(path.relative_to(folder)): path.read_bytes() for path in files if path.name not in (*OF_A_SESSION, LAST)
+    }
 
 
 def wrong(code: int, said: str) -> str:
@@ -115,6 +119,11 @@ def damages(undisturbed: Path, count: int, rng: random.Random) -> Iterator[str]:
     expected = contents(undisturbed)
     _, evaluated = command(undisturbed, "evaluate", RUN)
     files = [path.relative_to(undisturbed) for path in sorted((undisturbed / "small").rglob("*")) if path.is_file()]
+    longer: dict[str, bytes] = {}
+    if any(file.name == LAST for file in files[:count]):
+        with tempfile.TemporaryDirectory() as name:
+            command(Path(name), "tltl-run", *SMALL, MORE, "runs_dir=.")
+            longer = contents(Path(name))
     order = [files[i % len(files)] for i in range(count)]
     for file in order:
         with tempfile.TemporaryDirectory() as name:
@@ -135,6 +144,9 @@ def damages(undisturbed: Path, count: int, rng: random.Random) -> Iterator[str]:
             if after != (expected if code == 0 else before):
                 names = {name for name in after.keys() | expected.keys() if after.get(name) != expected.get(name)}
                 found.append(f"exit code {code} and other bytes in {', '.join(sorted(names))}")
+            if file.name == LAST:
+                code, said = command(folder, "tltl-run", *SMALL, MORE, "runs_dir=.")
+                found.append(wrong(code, said) or ("other bytes with more iterations" * (contents(folder) != longer)))
         yield "; ".join(f"{file} {kind}: {what}" for what in found if what)
 
 

@@ -82,3 +82,23 @@ def test_want_of_memory_is_one_message_whoever_notices_it(capsys, error):
     assert line.startswith(
         "tltl-run: there is not enough memory" if not isinstance(error, RecursionError) else "tltl-run: a given file"
     )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "needed"),
+    [
+        (["evaluate", "nothing"], 1_000_000),
+        (["check", "a.tltl", "--plot=a.png"], 1_000_000),
+        (["check", "a.tltl"], 250_000),
+    ],
+)
+def test_a_limit_of_memory_is_told_before_blas_waits_for_more(monkeypatch, capsys, arguments, needed):
+    monkeypatch.setattr("os.environ", dict(os.environ))
+    monkeypatch.setattr("resource.getrlimit", lambda _: (200_000 * 1024, -1))
+    with pytest.raises(SystemExit, match="2"):
+        main(arguments)
+    assert capsys.readouterr().err == (
+        f"tltl: there is not enough memory: tltl {arguments[0]} needs {needed} kB of address space or more, and "
+        "ulimit -v is 200000; raise it\n"
+    )
+    assert os.environ["OPENBLAS_NUM_THREADS"] == "1"

@@ -15,6 +15,10 @@ from collections.abc import Callable
 
 from tltlrl.errors import UserError, shown
 
+# kB of address space (`ulimit -v`) without which BLAS, as it is loaded, asks for memory for ever or ends the process.
+NEEDED, NEEDED_FOR_A_SPEC = 1_000_000, 250_000
+OF_A_SPEC_ALONE = ("check", "watch")
+
 COMMANDS = {
     "check": "check a spec and, with a trace, print robustness, verdict and explanation",
     "watch": "follow a trajectory while it runs: samples on standard input, robustness and bounds at once",
@@ -37,6 +41,7 @@ def run(arguments: list[str]) -> int:
     """`tltl-run ARGUMENTS`; its exit code."""
 
     def command() -> int:
+        _check_memory("tltl-run", NEEDED)
         _render_nothing()
 
         from tltlrl.cli.run import tltl_run
@@ -55,6 +60,8 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _tltl(arguments: list[str]) -> int:
     if arguments and arguments[0] in COMMANDS:
+        alone = arguments[0] in OF_A_SPEC_ALONE and not any(argument.startswith("--plot") for argument in arguments)
+        _check_memory(f"tltl {arguments[0]}", NEEDED_FOR_A_SPEC if alone else NEEDED)
         if arguments[0] != "render" and not any(argument.startswith("--picture") for argument in arguments):
             _render_nothing()
         module = importlib.import_module(f"tltlrl.cli.{arguments[0]}")
@@ -77,6 +84,28 @@ def _tltl(arguments: list[str]) -> int:
         print(f"tltlrl {__version__}")
         return 0
     raise UserError(f"say which command, one of: {', '.join(COMMANDS)}")
+
+
+def _check_memory(name: str, needed: int) -> None:
+    """Before BLAS is loaded; where memory is limited it starts no threads, each of which takes 40 MB of it.
+
+    Raises:
+      UserError: if the limit is below what is needed, in kB.
+    """
+    try:
+        import resource
+    except ImportError:  # Windows has no such limit
+        return
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if limit == resource.RLIM_INFINITY:
+        return
+    for threads in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+        os.environ.setdefault(threads, "1")
+    if limit < needed * 1024:
+        raise UserError(
+            f"there is not enough memory: {name} needs {needed} kB of address space or more, and ulimit -v is "
+            f"{limit // 1024}; raise it"
+        )
 
 
 def _render_nothing() -> None:
@@ -127,7 +156,7 @@ def mistakes_told(name: str, command: Callable[[], int]) -> int:
 
 def _for_want_of_memory(error: Exception) -> bool:
     """Libraries that cannot be loaded, and MuJoCo, say so in words of their own."""
-    words = ("allocate memory", "failed to map segment", "unable to allocate", "out of memory")
+    words = ("allocate memory", "failed to map segment", "unable to allocate", "out of memory", "bad_alloc")
     return isinstance(error, MemoryError) or any(part in str(error).lower() for part in words)
 
 
