@@ -17,7 +17,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # Of the Pythons that pyproject.toml allows, those that PATH has.
 VERSIONS = $(foreach python,3.11 3.12,$(if $(shell python$(python) -c 'print(1)' 2>/dev/null),lowest-$(python) newest-$(python)))
 
-.PHONY: help reproduce-figures test test-versions lint types bench fuzz kill attack grammar grid-search clean
+.PHONY: help reproduce-figures test test-versions lint types bench fuzz kill attack grammar grid-search docs clean
 
 help:
 	@grep -E '^## ' $(MAKEFILE_LIST) | sed 's/^## //'
@@ -90,6 +90,11 @@ grammar: $(READY)
 ## make grid-search: coefficients of the hand-made rewards on seeds of their own, into studies/grid_search_*.csv
 grid-search: $(READY)
 	$(BIN)/python -m studies.grid_search reach_avoid visit_in_order toast
+
+## make docs: the pages as a site, build/docs/docs/index.html
+docs: $(READY)
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[docs]'
+	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet --builder html --conf-dir docs . build/docs
 
 ## make clean: remove the environment and the caches; results in runs/ stay
 clean:

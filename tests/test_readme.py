@@ -15,9 +15,15 @@ from tltlrl.config.read import read
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()
-BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```", README, flags=re.MULTILINE | re.DOTALL)
+
+
+def blocks(page, language):
+    return re.findall(rf"^```{language}\n(.*?)^```", page, flags=re.MULTILINE | re.DOTALL)
+
+
 PART = "task.steps=140 algorithm.iterations=60 algorithm.calm=15"
-SHELL = [block for language, block in BLOCKS if language == "sh"]
+SHELL = blocks(README, "sh")
+DOCS = {path.stem: path.read_text(encoding="utf-8") for path in (ROOT / "docs").glob("*.md")}
 
 
 def shell(script, folder, **environment):
@@ -77,15 +83,26 @@ def test_write_your_own_spec(folder):
     assert (folder / "runs/my_task/tltl_episodic/seed_0/workspace.png").stat().st_size > 0
     assert len(script.split("END\n")[0].splitlines()) <= 10
 
+    assert len(SHELL) == 2  # and no block that is not tested
 
-def test_compare_rewards(folder):
-    shell(f". .venv/bin/activate\n{SHELL[2]}".replace(" seeds=7,", " task.steps=60 seeds=7,"), folder)
+
+def test_getting_started_has_the_readmes_spec_and_commands():
+    """So they run; and the set-up is the Makefile's."""
+    setup, *commands = blocks(DOCS["getting-started"], "sh")
+    assert "".join(blocks(DOCS["getting-started"], "tltl")) in SHELL[1]
+    assert "".join(commands) == SHELL[1].split("END\n")[1]
+    assert setup.splitlines() == ["make .venv/.ready", SHELL[1].splitlines()[0]]
+    shell("make --dry-run .venv/.ready", ROOT)
+
+
+def test_comparing_rewards(folder):
+    (script,) = blocks(DOCS["comparing"], "sh")
+    shell(f". .venv/bin/activate\n{script}".replace(" seeds=7,", " task.steps=60 seeds=7,"), folder)
     assert (folder / "runs/small/learning_curves.png").stat().st_size > 0
-    assert len(SHELL) == 3  # and no block that is not tested
 
 
 def test_python_code_says_what_it_gives():
-    code = next(block for language, block in BLOCKS if language == "python")
+    (code,) = blocks(DOCS["api"], "python")
     names = {}
     exec(code, names)
     np.testing.assert_allclose(names["spec"].robustness({"x": names["x"]}), [0.1, -0.1])
@@ -100,20 +117,13 @@ def test_the_page_of_a_package_index_needs_no_checkout():
     assert not re.findall(r"\]\((?!https://)", page)
     assert "\npip install tltlrl " in page
     assert project["license"] in page
-    code = re.search(r"^```python\n(.*?)^```", page, flags=re.MULTILINE | re.DOTALL)[1]
-    assert code in README  # where it is tested
+    assert blocks(page, "python")[0] in DOCS["api"]  # where it is tested
     for command in re.findall(r"^tltl-run (.*)$", page, flags=re.MULTILINE):
         read(compose([as_meant(override) for override in command.split()]))
 
 
 def test_an_experiment_of_ones_own_as_documented(tmp_path):
-    page = (ROOT / "docs/configs.md").read_text(encoding="utf-8")
     (tmp_path / "experiment").mkdir()
-    (tmp_path / "experiment/short.yaml").write_text(re.search(r"```yaml\n(.*?)```", page, flags=re.DOTALL)[1])
+    (tmp_path / "experiment/short.yaml").write_text(blocks(DOCS["configs"], "yaml")[0])
     study, _ = read(compose([*searchpath(tmp_path), "experiment=short"]))
     assert (study.name, study.seeds, study.task.steps, study.algorithm.samples) == ("short", (3,), 30, 4)
-
-
-@pytest.mark.parametrize("path", re.findall(r"\]\(([^)#:]+)\)", README) + re.findall(r"`(tltlrl/[\w/.]+)`", README))
-def test_every_path_exists(path):
-    assert (ROOT / path).exists()

@@ -235,7 +235,10 @@ def test_a_failed_trial_is_told_and_the_search_goes_on(tmp_path, monkeypatch, ca
         (("seeds=choice(1,2)",), "seeds: it cannot be searched"),
         (("reward.c2=tag(log,interval(0,1))",), "reward.c2: tag(log,interval(0,1)) cannot be searched; there are"),
         (("reward.c2=interval(0,inf)",), "reward.c2: interval(0,inf) cannot be searched; there are"),
-        (("reward=null", "reward.c2=0.1,0.2"), "reward=null: there is no such reward; there are: gymnasium, reach_avoid"),
+        (
+            ("reward=null", "reward.c2=0.1,0.2"),
+            "reward=null: there is no such reward; there are: gymnasium, reach_avoid",
+        ),
         (("reward.c2=0.1,0.2", "--config-dir", "mine"), "--config-dir mine: there is no such folder"),
         (("reward.c2=interval(1,0)",), "reward.c2: interval(1,0) cannot be searched; there are"),
         (("reward.c2=interval(0,",), "not readable as key=value"),

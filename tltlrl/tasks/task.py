@@ -111,6 +111,8 @@ class Outside:
 class Task(abc.ABC):
     """A robot, its start, its features s_t (`observation`), its commands u_t (`action`) and its signals.
 
+    What not every task can do, from `sensed` on, is None where it cannot.
+
     Attributes:
       name: the task's name in configs and CSV files.
       control_timestep: time between two samples, s; a multiple of the model's timestep.
@@ -121,8 +123,6 @@ class Task(abc.ABC):
         is part of the simulation (an imperfect actuator), not of the policy.
       command_scale: the size of a full command, shape (d,); exploration is configured as a share of it.
       feedback: the gain matrix K of shape (d, n) for a feedback of 1; the configured feedback multiplies it.
-
-    What not every task can do is None where it cannot:
       sensed: the values of the model's sensors (N, nsensordata) => the last features (N, m). `features` gives those
         before them, and the feedback has nothing on them: a sensor's value belongs to a sample, and the rollout knows
         it after the command. A sensor of accelerations and forces says what it saw in the physics step before.
