@@ -20,7 +20,7 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> Any:
-    """On first use: a spec alone must not load MuJoCo, and a command that starts not even NumPy."""
+    """Imports a public name on first use: a spec alone must not load MuJoCo, and a starting command not even NumPy."""
     if name in __all__:
         return getattr(importlib.import_module(_HOMES.get(name, "tltlrl.logic")), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

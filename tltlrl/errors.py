@@ -1,4 +1,4 @@
-"""The one error that a user, and not the code, has to mend; the commands print it and exit with 2."""
+"""The error for mistakes that the user has to mend, and how messages show names. Commands print it and exit with 2."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import traceback
 from collections.abc import Iterable
 from difflib import get_close_matches
 
-MOST_NAMES = 30  # that a message lists
+MOST_NAMES = 30  # listed in one message
 
 
 class UserError(ValueError):
@@ -14,18 +14,18 @@ class UserError(ValueError):
 
 
 def printable(name: object, width: int = 80) -> str:
-    """A name from a file as a message may show it: on one line, without control characters, and not endless."""
+    """A name from a file, made safe for a message: one line, no control characters, at most `width` characters."""
     text = "".join(c if c.isprintable() else "?" for c in str(name)[: width + 1])
     return text if len(text) <= width else f"{text[:width]}..."
 
 
 def shown(text: str) -> str:
-    """Lines as a terminal may show them, whatever names from files and folders they hold: no control characters."""
+    """Text made safe for a terminal, line by line: control characters in it become question marks."""
     return "\n".join("".join(c if c.isprintable() or c == "\t" else "?" for c in line) for line in text.split("\n"))
 
 
 def nearest(name: object, valid: Iterable[object]) -> str:
-    """'; did you mean ...?' with the closest valid name, or '; there are: ...' if none is close, or nothing at all."""
+    """'; did you mean ...?' with the closest valid name; '; there are: ...' if none is close; '' if none is valid."""
     names = sorted(map(printable, valid))
     if not names:
         return ""
@@ -35,6 +35,6 @@ def nearest(name: object, valid: Iterable[object]) -> str:
 
 
 def module_of(error: Exception) -> str:
-    """Where it was raised."""
+    """The name of the module that raised an error."""
     *_, (frame, _) = traceback.walk_tb(error.__traceback__)
     return str(frame.f_globals["__name__"])

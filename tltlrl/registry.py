@@ -1,4 +1,4 @@
-"""Tasks and learners by name: those that come with tltlrl, and those of installed packages.
+"""Tasks and learners by name: the ones that come with tltlrl, and the ones that installed packages bring.
 
 A name stands for "module:attribute", which is imported where it is used, also by a worker on another machine. A
 package adds names by entry points of the groups `tltlrl.tasks` and `tltlrl.learners` in its pyproject.toml:
@@ -6,7 +6,7 @@ package adds names by entry points of the groups `tltlrl.tasks` and `tltlrl.lear
     [project.entry-points."tltlrl.tasks"]
     two_link = "my_package.two_link:TWO_LINK"
 
-What a config says is only ever a name in these tables, never code to import.
+A config holds a name in these tables, never code to import.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Registry:
       what: "task" or "learner", for messages.
       group: the entry points' group.
       built_in: name => "module:attribute"; a package cannot take one of these names.
-      described: the same for names that are not listed: what they stand for is described by a file of the user's.
+      described: the same for names that messages do not list: each needs a description by the user, such as a robot's page.
     """
 
     what: str
@@ -75,7 +75,7 @@ class Registry:
 
 @functools.cache
 def _entry_points(group: str, _path: tuple[str, ...]) -> dict[str, str]:
-    from importlib.metadata import entry_points  # costs a start that needs only built-in names too much
+    from importlib.metadata import entry_points  # slow; a start that needs only built-in names does without
 
     return {point.name: point.value for point in entry_points(group=group)}
 

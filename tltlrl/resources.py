@@ -1,4 +1,4 @@
-"""Where the configs and specs lie: inside the package in a wheel, beside it in a checkout."""
+"""Where configs and specs lie: inside the package in a wheel, beside it in a checkout."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ SPECS = _folder("specs")
 
 
 def user_path(text: str) -> Path:
-    """A path that a user wrote, on a command line or in a config: ~ is the home folder, also where no shell saw it."""
+    """A path as the user wrote it, with ~ replaced by the home folder: no shell does that inside a config."""
     return Path(os.path.expanduser(text))  # Path.expanduser raises for ~nobody
 
 
 def spec_path(name: str) -> Path:
-    """A spec file: the user's own if `name` is a path to one, otherwise the one of that name shipped with tltlrl.
+    """The spec file that `name` stands for: the user's own if it is a path to one, otherwise one shipped with tltlrl.
 
     Raises:
-      UserError: if there is neither.
+      UserError: if there is no such file.
     """
     for path in (user_path(name), SPECS / name, SPECS / f"{name}.tltl"):
         if path.is_file():

@@ -1,4 +1,4 @@
-"""Settings that check themselves: dataclasses whose fields say what they mean and which values they may have.
+"""Settings that check themselves: dataclasses whose fields hold their meaning and their bounds.
 
     @dataclass(frozen=True)
     class ArmConfig:
@@ -23,15 +23,15 @@ from tltlrl.errors import UserError, nearest
 
 @dataclass(frozen=True)
 class Setting:
-    """What a field means and what it may be.
+    """The meaning and the bounds of a field.
 
     Attributes:
       meaning: a phrase for the help page, with the unit.
-      least, most: bounds that a number may reach; of a list or a mapping each number in it.
-      above, below: bounds that it may not reach.
-      choices: the words that it may be, or none for any.
-      budget: whether it only makes a run cheaper or dearer (a search varies none of these).
-      place: whether it says where something lies that has a digest of its own: a run is the same wherever that is.
+      least, most: bounds that a number may reach. In a list or a mapping they hold for each number.
+      above, below: bounds that a number may not reach.
+      choices: the allowed words; empty if any is allowed.
+      budget: whether the field decides how much a run computes (a search varies no such field).
+      place: whether the field is a path to something with a digest of its own: moving that changes no run.
     """
 
     meaning: str
@@ -45,7 +45,7 @@ class Setting:
 
 
 def setting(meaning: str, default: Any = MISSING, **bounds: Any) -> Any:
-    """A dataclass field with its meaning and its bounds; see `Setting`. A list or mapping as default is copied."""
+    """A dataclass field with its meaning and its bounds; see `Setting`. A default list or mapping is copied."""
     metadata = {"setting": Setting(meaning, **bounds)}
     if isinstance(default, list | dict):
         return dataclasses.field(default_factory=default.copy, metadata=metadata)
@@ -53,12 +53,12 @@ def setting(meaning: str, default: Any = MISSING, **bounds: Any) -> Any:
 
 
 def settings_of(kind: type) -> dict[str, Setting]:
-    """Name => setting, of the fields of a dataclass that have one."""
+    """Name => setting, for the fields of a dataclass that have one."""
     return {f.name: f.metadata["setting"] for f in dataclasses.fields(kind) if "setting" in f.metadata}
 
 
 def without_places(settings: Any) -> dict[str, Any]:
-    """A dataclass of settings as plain data, but for those that say where something lies."""
+    """A dataclass of settings as plain data, without the fields that are a `place`."""
     known = settings_of(type(settings))
     return {
         key: value for key, value in dataclasses.asdict(settings).items() if key not in known or not known[key].place
@@ -66,20 +66,20 @@ def without_places(settings: Any) -> dict[str, Any]:
 
 
 def check(settings: Any, section: str) -> None:
-    """Whether every field of a dataclass is within its bounds.
+    """Checks that every field of a dataclass is within its bounds.
 
     Raises:
-      UserError: naming `section`.key, the value and what it may be.
+      UserError: if one is not; it names `section`.key, the value and the bound.
     """
     for name, allowed in settings_of(type(settings)).items():
         check_value(f"{section}.{name}", getattr(settings, name), allowed)
 
 
 def check_value(key: str, value: Any, allowed: Setting) -> None:
-    """Whether a value is finite, within its bounds and one of its choices.
+    """Checks that a value is finite, within its bounds and one of its choices.
 
     Raises:
-      UserError: naming the key.
+      UserError: if it is not; it names the key.
     """
     if allowed.choices and value not in allowed.choices:
         raise UserError(f"{key}: there is no {value}{nearest(str(value), allowed.choices)}")

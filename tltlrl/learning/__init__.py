@@ -1,4 +1,4 @@
-"""How policies are learned: the contract of a learner, policies, REPS.
+"""How policies are learned: the contract of a learner, policies, REPS, CMA-ES.
 
-Needs NumPy and SciPy alone; knows no task, spec or file.
+This package needs only NumPy and SciPy, and knows no task, spec or file.
 """

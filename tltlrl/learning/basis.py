@@ -1,11 +1,11 @@
-"""Basis functions: a motion is a few weights per command, whatever the learner.
+"""Basis functions: a few weights per command make a motion, with any episode-based learner.
 
 The offsets are those of the first policy plus a weighted sum of K normalised radial basis functions,
 
     k_t = k_t^0 + sum_k B_{t,k} w_k        B_{t,k} = phi_k(t) / sum_j phi_j(t)
 
-with Gaussians phi_k whose centres lie evenly over the T steps and whose width is the distance between two. A learner
-beneath sees the weights as the offsets of K steps.
+with Gaussians phi_k whose centres lie evenly over the T steps and whose width is the distance between two
+neighbours. The learner beneath sees the weights as the offsets of K steps.
 """
 
 from __future__ import annotations
@@ -41,23 +41,23 @@ class BasisState:
 
 
 class Basis:
-    """A learner of the weights of basis functions, as a learner of offsets.
+    """Makes a learner of offsets from a learner of the weights of basis functions.
 
     Args:
-      learner: of the weights; one that needs rewards per step cannot be, as weights belong to no step.
-      functions: K.
+      learner: learns the weights. It must not need rewards per step, because a weight belongs to no step.
+      functions: K, the number of basis functions.
     """
 
-    Settings: ClassVar[type] = type(None)  # its learner has them
+    Settings: ClassVar[type] = type(None)  # the learner beneath has them
     by_step: ClassVar[bool] = False
 
     def __init__(self, learner: Learner[Any], functions: int) -> None:
         self._learner, self._functions = learner, functions
 
     def start(self, policy: Policy) -> BasisState:
-        """Weights of zero: the first policy.
+        """The state before the first iteration: weights of zero, which give the first policy.
 
-        Their covariance is that of the policy's first step, scaled so that offsets vary as widely as there, on average.
+        The weights' covariance is the policy's at its first step, scaled so that offsets vary as much on average.
         """
         basis = radial_basis(len(policy.mean), self._functions)
         spread = policy.covariance[0] / np.mean(np.sum(basis**2, axis=1))
@@ -66,15 +66,15 @@ class Basis:
         return BasisState(policy.gain, policy.mean, policy.covariance, policy.correlation, self._learner.start(weights))
 
     def ask(self, state: BasisState, count: int, rng: np.random.Generator) -> Array:
-        """Offsets made of weights that the learner asks for, shape (count, T, d)."""
+        """Offsets from the weights that the learner beneath asks for, shape (count, T, d)."""
         basis = radial_basis(len(state.mean), self._functions)
         return np.asarray(state.mean + basis @ self._learner.ask(state.weights, count, rng))
 
     def tell(self, state: BasisState, offsets: Array, scores: Scores) -> tuple[BasisState, Diagnostics]:
-        """Tells the learner what the weights of these offsets are worth.
+        """Passes the weights of these offsets, with their scores, to the learner beneath.
 
         Raises:
-          ValueError: as the learner's own.
+          ValueError: if the learner beneath raises it.
         """
         basis = radial_basis(len(state.mean), self._functions)
         weights, diagnostics = self._learner.tell(
@@ -83,7 +83,7 @@ class Basis:
         return BasisState(state.gain, state.mean, state.covariance, state.correlation, weights), diagnostics
 
     def policy(self, state: BasisState) -> Policy:
-        """Offsets of the mean weights, and of each step the variance that the weights give it."""
+        """The offsets of the mean weights, and at each step the covariance that the weights give."""
         basis = radial_basis(len(state.mean), self._functions)
         weights = self._learner.policy(state.weights)
         covariance = np.einsum("tk,kij->tij", basis**2, weights.covariance)

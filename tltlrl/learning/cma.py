@@ -1,7 +1,7 @@
-"""CMA-ES (Hansen 2016, The CMA Evolution Strategy: A Tutorial, arXiv:1604.00772), the update as pycma has it.
+"""CMA-ES (Hansen 2016, The CMA Evolution Strategy: A Tutorial, arXiv:1604.00772), with pycma's update.
 
-It learns the covariance of all offsets at once, those of different steps included, and so wants few of them: weights of
-basis functions (`algorithm.basis`). Returns count by their order alone.
+CMA-ES learns one covariance of all offsets, across steps too, so it works best with few of them: weights of basis
+functions (`algorithm.basis`). Only the order of the returns counts.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from tltlrl.learning.policy import Policy
 from tltlrl.learning.scores import Scores
 
 Array = NDArray[np.float64]
-MOST_DIMENSIONS = 300  # one update takes a second there, and ten times as many take a thousand
+MOST_DIMENSIONS = 300  # one update takes a second there; with ten times as many it takes a thousand
 
 
 @dataclass(frozen=True)
 class CmaSettings:
-    """CMA-ES has none of its own: pycma's defaults follow from the dimension and the number of samples."""
+    """No settings: pycma's defaults follow from the dimension and the number of samples."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class CmaState:
 
 
 class CmaEs:
-    """One search distribution over all offsets."""
+    """CMA-ES: one search distribution over all offsets."""
 
     Settings: ClassVar[type] = CmaSettings
     by_step: ClassVar[bool] = False
@@ -70,10 +70,10 @@ class CmaEs:
         self._purecma: Any = purecma
 
     def start(self, policy: Policy) -> CmaState:
-        """Independent offsets, as in the first policy; the correlation of its noise is not used.
+        """The first policy's offsets, independent of each other; the correlation of its noise is not used.
 
         Raises:
-          UserError: if there are too many of them.
+          UserError: if T d is above `MOST_DIMENSIONS`.
         """
         n = policy.mean.size
         if n > MOST_DIMENSIONS:
@@ -95,14 +95,14 @@ class CmaEs:
         )
 
     def ask(self, state: CmaState, count: int, rng: np.random.Generator) -> Array:
-        """Offsets of the search distribution, shape (count, T, d)."""
+        """Offsets drawn from the search distribution, shape (count, T, d)."""
         values, vectors = np.linalg.eigh(state.covariance)
         noise = rng.standard_normal((count, len(values))) * np.sqrt(values)
         x = state.mean + state.step_size * noise @ vectors.T
         return np.asarray(state.start + x.reshape(count, *state.start.shape) * state.scale)
 
     def tell(self, state: CmaState, offsets: Array, scores: Scores) -> tuple[CmaState, Diagnostics]:
-        """The distribution after pycma's update.
+        """The search distribution after pycma's update.
 
         Raises:
           ValueError: if a return is NaN or +inf, or every one is -inf.
@@ -142,7 +142,7 @@ class CmaEs:
         return following, diagnostics
 
     def policy(self, state: CmaState) -> Policy:
-        """The mean, and of each step the covariance of its own offsets."""
+        """The mean, and the covariance of each step's own offsets."""
         steps, d = state.start.shape
         blocks = state.covariance.reshape(steps, d, steps, d)[np.arange(steps), :, np.arange(steps), :]
         covariance = state.step_size**2 * blocks * np.outer(state.scale, state.scale)

@@ -1,8 +1,7 @@
-"""The contract of a learner, in the manner of ask and tell.
+"""The contract of a learner: start, ask, tell, policy.
 
-A learner is made from its own settings and the number of samples per iteration. It has no state of its own: what it
-knows is handed back to it, so a run can be stopped and resumed between any two iterations, and the state as it stands
-is the checkpoint.
+A learner is made from its own settings and the number of samples per iteration. It keeps no state: the caller holds it
+and hands it back. So a run can be stopped and resumed between any two iterations, and the state is the checkpoint.
 
     learner = EpisodeBased(RepsSettings(epsilon=1.0), samples=20)
     state = learner.start(policy)
@@ -41,10 +40,10 @@ class Learner(Protocol[State]):
     by_step: ClassVar[bool]
 
     def __init__(self, settings: Any, samples: int) -> None:
-        """From its own settings.
+        """Makes the learner from its own settings.
 
         Raises:
-          UserError: naming the key, if the settings do not go with that many samples per iteration.
+          UserError: if the settings do not fit that many samples per iteration; it names the key.
         """
 
     def start(self, policy: Policy) -> State:
@@ -54,12 +53,12 @@ class Learner(Protocol[State]):
         """Offsets delta_{i,t} = u_{i,t} - K s_{i,t} to be tried, shape (count, T, d)."""
 
     def tell(self, state: State, offsets: Array, scores: Scores) -> tuple[State, Diagnostics]:
-        """The next state, from what the offsets that were tried are worth.
+        """The next state, learned from the scores of the offsets that were tried.
 
         Args:
-          state: that the offsets were asked from.
+          state: the one that `ask` drew the offsets from.
           offsets: shape (N, T, d).
-          scores: of the N trajectories.
+          scores: scores of the N trajectories.
 
         Raises:
           ValueError: if a return is NaN or +inf, or every one is -inf.

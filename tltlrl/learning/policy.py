@@ -1,8 +1,8 @@
 """Time-varying linear-Gaussian policy (case study, section 3.3.3): u_t = K s_t + k_t + noise, noise ~ N(0, Sigma_t).
 
-K is a manually tuned gain and stays fixed; (k_t, Sigma_t) are learned. Since the noise does not depend on the state,
-the part k_t + noise of every command, its *offset*, can be drawn before the trajectory is simulated, and it is what
-policy search learns from: delta_t = u_t - K s_t.
+K is a manually tuned gain and stays fixed; (k_t, Sigma_t) are learned. The *offset* of a
+command is delta_t = u_t - K s_t = k_t + noise. It does not depend on the state, so offsets are drawn before the
+trajectory is simulated. Policy search learns from offsets.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Policy:
-    """u_t = gain s_t + mean_t + noise_t for T time steps, n features and d commands.
+    """A policy u_t = gain s_t + mean_t + noise_t for T time steps, n features and d commands.
 
     Attributes:
       gain: K, shape (d, n); the same at every step.
       mean: k_t, shape (T, d), in the commands' unit.
       covariance: Sigma_t of the exploration noise, shape (T, d, d).
-      correlation: width in steps of the noise's correlation over time; 0 for independent steps (as published).
+      correlation: width of the noise's correlation over time, in steps; 0 for independent steps (as published).
     """
 
     gain: Array
@@ -37,7 +37,7 @@ class Policy:
         return self.mean + shaped(noise, self.covariance)
 
     def entropy(self) -> float:
-        """Entropy of the offsets of one step, averaged over the steps, nats; the correlation is left out."""
+        """Entropy of the offsets of one step, averaged over the steps, nats; the correlation does not count."""
         d = self.mean.shape[1]
         return float(np.mean(0.5 * (d * np.log(2 * np.pi * np.e) + np.linalg.slogdet(self.covariance)[1])))
 
@@ -51,7 +51,7 @@ def correlated_noise(shape: tuple[int, int, int], width: float, rng: np.random.G
     if width == 0:
         return rng.standard_normal(shape)
 
-    from scipy.ndimage import convolve1d  # a command that only tells a mistake need not wait for it
+    from scipy.ndimage import convolve1d  # slow to import; a command that only reports a mistake does without
 
     count, steps, d = shape
     reach = int(np.ceil(4 * width))
@@ -62,9 +62,9 @@ def correlated_noise(shape: tuple[int, int, int], width: float, rng: np.random.G
 
 
 def shaped(noise: Array, covariance: Array) -> Array:
-    """Noise of covariance Sigma_t (T, d, d), also a singular one, from standard normal noise (N, T, d)."""
+    """Standard normal noise (N, T, d), given the covariance Sigma_t (T, d, d), which may be singular."""
     variances = np.diagonal(covariance, axis1=1, axis2=2)
-    if np.count_nonzero(covariance) == np.count_nonzero(variances):  # diagonal, as the damped fit leaves it
+    if np.count_nonzero(covariance) == np.count_nonzero(variances):  # diagonal, as after the damped fit
         return np.asarray(np.sqrt(variances) * noise)
     values, vectors = np.linalg.eigh(covariance)
     roots = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]

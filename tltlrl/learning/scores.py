@@ -1,14 +1,15 @@
-"""What a learner is told of a trajectory: its return, and where they are known the rewards of its steps.
+"""What a learner is told of trajectories: their returns and, where known, the rewards of their steps.
 
-The published return of a trajectory is the robustness of the spec, which is the value of its worst clause. The leximin
-surrogate tells two trajectories apart that fail at the same clause: the values of the clauses, sorted from the worst
-c_(0) <= c_(1) <= ..., are weighed by the powers of a half,
+The published return of a trajectory is the robustness of the spec, which is the value of its worst clause. The other
+clauses change nothing in it. The leximin surrogate counts them too. It sorts the clauses' values from the worst,
+c_(0) <= c_(1) <= ..., and weighs them by powers of a half,
 
     L = sum_k 2^-k c_(k)
 
-It is a continuous surrogate of the leximin order, not that order itself, and its sign is not the spec's: a learner may
-follow it, and nothing is judged by it. A clause that nothing decides is worth +inf (G over a window that a trajectory
-cut short never reaches); it counts as much as the best of the clauses that something decides, so that it wins nothing.
+It is a continuous surrogate of the leximin order, not that order itself, and its sign does not say whether the spec is
+satisfied. So a learner may follow it, but nothing is judged by it. The value of a clause is +inf where no sample
+decides it, such as G over a window that a trajectory cut short never reaches. Such a clause counts as much as the best
+of the other clauses, so that a trajectory gains nothing by it.
 """
 
 from __future__ import annotations
@@ -24,11 +25,11 @@ TOLD = ("robustness", "leximin")
 
 @dataclass(frozen=True)
 class Scores:
-    """What a learner is told of N sampled trajectories.
+    """The scores of N sampled trajectories.
 
     Attributes:
-      returns: R_i, shape (N,). -inf is allowed (it cannot be worse); NaN and +inf are not.
-      rewards: r_{i,t}, shape (N, T), where the reward is known per step; otherwise None.
+      returns: R_i, shape (N,). -inf is allowed (no trajectory is worse); NaN and +inf are not.
+      rewards: r_{i,t}, shape (N, T); None where the reward is not known per step.
     """
 
     returns: Array
@@ -36,7 +37,7 @@ class Scores:
 
 
 def leximin(clauses: Array) -> Array:
-    """The surrogate L of each trajectory, shape (N,).
+    """The leximin surrogate L of each trajectory, shape (N,).
 
     Args:
       clauses: robustness of every top-level clause of the spec, shape (N, C), in the predicates' unit; L is -inf where
@@ -45,5 +46,5 @@ def leximin(clauses: Array) -> Array:
     decided = clauses < np.inf
     best = np.max(clauses, axis=1, keepdims=True, where=decided, initial=-np.inf)
     clauses = np.where(decided | ~decided.any(axis=1, keepdims=True), clauses, best)
-    in_order = np.ascontiguousarray(np.sort(clauses, axis=1))  # else the last digit depends on how it lies in memory
+    in_order = np.ascontiguousarray(np.sort(clauses, axis=1))  # otherwise the last digit depends on the memory layout
     return np.asarray(in_order @ 0.5 ** np.arange(clauses.shape[1]))

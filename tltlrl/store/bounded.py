@@ -1,4 +1,4 @@
-"""JSON and YAML of others, bounded: in size, in depth, and in what YAML's aliases unfold to."""
+"""Reads JSON and YAML files from others within bounds of size and depth, with YAML's aliases unfolded."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ import yaml
 
 MOST_BYTES = 32 * 2**20
 MOST_DEPTH = 64
-MOST_NODES = 200_000  # of one YAML file, aliases unfolded
+MOST_NODES = 200_000  # in one YAML file, aliases unfolded
 
 
 class BoundsError(ValueError):
-    """A file that is larger or deeper than any of ours."""
+    """A file is larger or deeper than any that tltlrl writes."""
 
 
 def read_json(path: Path) -> Any:
-    """What a JSON file says.
+    """The content of a JSON file.
 
     Raises:
-      OSError, ValueError: if it cannot be read, or is none, or is out of bounds.
+      OSError, ValueError: if the file cannot be read, is not JSON, or is out of bounds.
     """
     try:
         return json.loads(_text(path))
@@ -30,10 +30,10 @@ def read_json(path: Path) -> Any:
 
 
 def read_yaml(path: Path) -> Any:
-    """What a YAML file says, in plain data.
+    """The content of a YAML file, as plain data.
 
     Raises:
-      OSError, ValueError, yaml.YAMLError: if it cannot be read, or is none, or is out of bounds.
+      OSError, ValueError, yaml.YAMLError: if the file cannot be read, is not YAML, or is out of bounds.
     """
     loader = yaml.SafeLoader(_text(path))
     try:
@@ -47,7 +47,7 @@ def read_yaml(path: Path) -> Any:
 
 
 def check_yaml(path: Path) -> None:
-    """Whether a file that something else will read is within the bounds, if it is YAML at all.
+    """Checks that a YAML file is within the bounds, before another library reads it; ignores a file that is not YAML.
 
     Raises:
       BoundsError: if it is not.
@@ -63,12 +63,12 @@ def check_yaml(path: Path) -> None:
 
 
 def check_node(node: yaml.Node | None) -> None:
-    """Whether a YAML tree, aliases unfolded, is within the bounds.
+    """Checks that a YAML tree, aliases unfolded, is within the bounds.
 
     Raises:
       BoundsError: if it is not.
     """
-    sizes: dict[int, int] = {}  # of every node, by its identity; 0 while its parts are counted
+    sizes: dict[int, int] = {}  # id of a node => its size; 0 while its parts are counted
 
     def size(part: yaml.Node, depth: int) -> int:
         if depth > MOST_DEPTH:

@@ -1,6 +1,6 @@
-"""clauses.csv of a run: its columns, and what decides in its last row.
+"""The columns of a run's clauses.csv, and which clause decides in its last row.
 
-Its columns are `iteration` and, for every part of the formula, `KIND MEASURE: PART`, as `clause decides: G safe`.
+The columns are `iteration` and, for every part of the formula, `KIND MEASURE: PART`, such as `clause decides: G safe`.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ MEASURES = {CLAUSE: (MEAN, BEST, MET, DECIDES), NAME: (MEAN, BEST, MET, KEPT, DE
 
 
 def column(kind: str, measure: str, part: str) -> str:
-    """The name of a column."""
+    """The name of the column for one measure of one part."""
     return f"{kind} {measure}: {part}"
 
 
 def parts_in(columns: list[str], kind: str) -> list[str]:
-    """The clauses, or the named sub-formulas, that a table with these columns is about, in the order of the spec."""
+    """The clauses, or the named sub-formulas, that have columns in a table, in the order of the spec."""
     prefix = column(kind, MEAN, "")
     return [name.removeprefix(prefix) for name in columns if name.startswith(prefix)]
 
 
 def standing_so_far(folder: Path) -> str:
-    """Where a run stands by the last rows that it has written, as "robustness -0.125, `G safe` decides 93 %"."""
+    """Where a run stands, from the last rows it wrote: "robustness -0.125, `G safe` decides 93 %"."""
     robustness, deciding = robustness_so_far(folder), deciding_so_far(folder)
     said = [] if robustness is None else [f"robustness {robustness:+.3f}"]
     if deciding is not None:

@@ -1,4 +1,4 @@
-"""Files that are whole or not there: written under a temporary name, then renamed."""
+"""Writes files that are either whole or not there: under a temporary name first, then renamed."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ LEFTOVER = re.compile(rf"\..+\.\d+{re.escape(TEMPORARY)}")
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Writes `content` to `path`; whoever reads it sees the old file or the new one, never a part.
+    """Writes `content` to `path`. A reader sees the old file or the new one, never a part of either.
 
     Raises:
-      OSError: naming `path`.
+      OSError: if it cannot be written; it names `path`.
     """
     temporary = path.with_name(f".{path.name}.{os.getpid()}{TEMPORARY}")
     try:
@@ -36,13 +36,13 @@ def write_bytes(path: Path, content: bytes) -> None:
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(path)) from error
     finally:
-        with contextlib.suppress(OSError):  # gone already, or on a disk that has become read-only
+        with contextlib.suppress(OSError):  # it is gone already, or the disk has become read-only
             temporary.unlink()
 
 
 @contextlib.contextmanager
 def naming(path: Path) -> Iterator[None]:
-    """An error of the file system that does not say where, as that of a full disk, says that it was at `path`."""
+    """Adds `path` to an error of the file system that names no file, such as the one of a full disk."""
     try:
         yield
     except OSError as error:
@@ -57,39 +57,39 @@ def digest(content: bytes) -> str:
 
 
 def clear_leftovers(folder: Path) -> None:
-    """Deletes what processes that were killed in the middle of writing have left in `folder`: files of our names."""
+    """Deletes temporary files in `folder` that a process left when it was killed while it wrote them."""
     for path in folder.glob(f".*{TEMPORARY}"):
         if LEFTOVER.fullmatch(path.name) and path.is_file() and not path.is_symlink():
             path.unlink(missing_ok=True)
 
 
 def write_text(path: Path, content: str) -> None:
-    """As `write_bytes`, in UTF-8."""
+    """Writes text in UTF-8, as `write_bytes` does."""
     write_bytes(path, content.encode())
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """As `write_bytes`, as indented JSON."""
+    """Writes indented JSON, as `write_bytes` does."""
     write_text(path, json.dumps(content, indent=2) + "\n")
 
 
 def write_arrays(path: Path, **arrays: Any) -> None:
-    """As `write_bytes`, as an .npz archive (whose bytes depend on the arrays alone)."""
+    """Writes an .npz archive, as `write_bytes` does; its bytes depend on the arrays alone."""
     buffer = io.BytesIO()
     np.savez(buffer, **arrays)
     write_bytes(path, buffer.getvalue())
 
 
 def read_arrays(path: Path) -> dict[str, np.ndarray]:
-    """The arrays of an .npz archive; never unpickles."""
+    """The arrays of an .npz archive, name => array; it never unpickles."""
     return arrays_in(path.read_bytes())
 
 
 def arrays_in(content: bytes) -> dict[str, np.ndarray]:
-    """The same of the bytes of such an archive.
+    """The arrays in the bytes of an .npz archive, name => array.
 
     Raises:
-      ValueError: if a few bytes would become more than `MOST_ARRAYS`, as they do in a forged one.
+      ValueError: if they would take more than `MOST_ARRAYS` bytes, as in a forged archive that unfolds.
     """
     with zipfile.ZipFile(io.BytesIO(content)) as packed:
         if sum(part.file_size for part in packed.infolist()) > MOST_ARRAYS:

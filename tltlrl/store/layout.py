@@ -1,4 +1,4 @@
-"""The folder of an experiment and those of its runs: the one description of what lies where (runs/README.md).
+"""The layout of an experiment's folder: which file lies where (runs/README.md).
 
 <experiment>/                 config.yaml, specs/, manifest.json, log.txt, the tables and the report
 <experiment>/<case>/          pictures of the case
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-# Of an experiment.
+# Files of an experiment.
 CONFIG, MANIFEST, SPECS, START, LOG, LOCK = (
     "config.yaml",
     "manifest.json",
@@ -27,9 +27,9 @@ CURVES, SUMMARY, SUMMARY_PAGE, REPORT, PAGE, FIGURE, CLAUSES_FIGURE = (
     "learning_curves",
     "clauses",
 )
-# Of a case.
+# Files of a case.
 WORKSPACE, CALM_WORKSPACE = "workspace", "workspace_calm"
-# Of a run.
+# Files of a run.
 PROGRESS, CLAUSES, TIMING, POLICY, CALM, DONE, CHECKPOINT, CALM_CHECKPOINT, LAST = (
     "progress.csv",
     "clauses.csv",
@@ -41,12 +41,12 @@ PROGRESS, CLAUSES, TIMING, POLICY, CALM, DONE, CHECKPOINT, CALM_CHECKPOINT, LAST
     "calm_checkpoint.npz",
     "last.npz",
 )
-# Of a search.
+# Files of a search.
 SEARCH, JOURNAL, TRIALS = "search.yaml", "journal.log", "trials.csv"
 
 
 def run_folder(folder: Path, case: str, seed: int) -> Path:
-    """Where the files of a run lie in the folder of its experiment."""
+    """The folder of a run in the folder of its experiment."""
     return folder / case / f"seed_{seed}"
 
 

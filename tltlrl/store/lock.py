@@ -1,7 +1,7 @@
-"""One lock for every folder that is written to: of a run and of an experiment.
+"""The lock of a folder that is written to, of a run or of an experiment.
 
-The lock is on a file in the folder, not on the folder itself: on a network file system only locks of files are seen by
-other hosts. It ends with the process that holds it, however that ends.
+The lock is on a file in the folder, not on the folder itself: on a network file system, other hosts see only locks of
+files. The lock ends with the process that holds it, however that process ends.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ RETRY_SECONDS = 0.05
 if sys.platform == "win32":
     import msvcrt
 
-    BEYOND_THE_NUMBER = 1024  # others could not read a byte that is locked
+    BEYOND_THE_NUMBER = 1024  # where the lock is: others cannot read a locked byte
 
     def _lock(descriptor: int) -> None:
         os.lseek(descriptor, BEYOND_THE_NUMBER, os.SEEK_SET)
@@ -48,7 +48,7 @@ class BusyError(UserError):
 
 @contextlib.contextmanager
 def held(folder: Path, patience: float = 0.0) -> Iterator[None]:
-    """Holds a folder, which is made if there is none, for this process.
+    """Locks a folder for this process; makes the folder if there is none.
 
     Args:
       folder: whose `.lock` is locked; a link in its place is not followed.
@@ -56,7 +56,7 @@ def held(folder: Path, patience: float = 0.0) -> Iterator[None]:
 
     Raises:
       BusyError: if another process holds it for longer.
-      UserError: if the folder cannot be written, or its file system has no locks, or its `.lock` is somebody else's.
+      UserError: if the folder cannot be written, or its file system has no locks, or its `.lock` is another program's.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -75,7 +75,7 @@ def held(folder: Path, patience: float = 0.0) -> Iterator[None]:
 
 
 def _check_ours(folder: Path, descriptor: int) -> None:
-    """Whether the lock is empty or holds a number, as each of ours; another program's is left as it is."""
+    """Checks that the lock is empty or holds a number, as ours do: another program's file must stay as it is."""
     content = _content(descriptor)
     if content and not content.strip().isdigit():
         raise UserError(f"{folder}/{LOCK} is not one of tltlrl's; set another name=... or runs_dir=...")
@@ -91,7 +91,7 @@ def _wait(folder: Path, descriptor: int, deadline: float) -> None:
         try:
             _lock(descriptor)
             return
-        except (BlockingIOError, PermissionError) as error:  # the latter is what Windows says
+        except (BlockingIOError, PermissionError) as error:  # Windows raises PermissionError
             if time.monotonic() >= deadline:
                 holder = _content(descriptor).decode("ascii", errors="replace").strip()
                 raise BusyError(folder, holder if holder.isdecimal() else "unknown") from error

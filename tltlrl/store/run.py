@@ -1,4 +1,4 @@
-"""The files of one run, sealed with digests: what was damaged since is seen, and never read as if it were whole."""
+"""The files of one run, sealed with digests. A file that was damaged later is noticed and not used."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from tltlrl.store.layout import (
 )
 
 SEAL, RUN = "sha256", "run"  # keys of done.json
-STATE = "state."  # before the names of the learner's arrays in checkpoint.npz
+STATE = "state."  # prefix of the learner's arrays in checkpoint.npz
 UNREADABLE = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile)
 
 
@@ -60,13 +60,13 @@ def write_results(
     results: Mapping[str, Any],
     calm: Mapping[str, NDArray[np.generic]] | None = None,
 ) -> None:
-    """policy.npz, calm.npz and, last, done.json: the results and the seal of everything they belong to.
+    """Writes policy.npz, calm.npz and, last, done.json: the results and the seal of the run's files.
 
     Args:
-      folder: of the run, with its whole progress.csv.
+      folder: folder of the run, with the complete progress.csv.
       identity: of the run; see `tltlrl.training.study.Run.identity`.
       policy: the arrays of the learned one.
-      results: plain data.
+      results: the results as plain data, for done.json.
       calm: the arrays of its calm policy, if it has one.
     """
     write_arrays(folder / POLICY, **policy)
@@ -83,7 +83,7 @@ def read_results(folder: Path, identity: str | None = None) -> dict[str, Any] | 
 
     Args:
       folder: of the run.
-      identity: of the run; None to take the results for those of whatever run they say.
+      identity: of the run; None accepts the results of any run.
 
     Raises:
       DamagedError: if a file is missing, or is not as it was written, or belongs to another run.
@@ -137,7 +137,7 @@ def read_policy(folder: Path, name: str = POLICY) -> dict[str, NDArray[np.generi
 
 
 def write_calm_checkpoint(folder: Path, identity: str, state: Mapping[str, NDArray[np.generic]]) -> None:
-    """calm_checkpoint.npz: how far the motion of a learned policy is simplified.
+    """Writes calm_checkpoint.npz: how far the motion of a learned policy is simplified.
 
     Args:
       folder: of the run.
@@ -152,12 +152,12 @@ def read_calm_checkpoint(folder: Path, identity: str) -> dict[str, NDArray[np.ge
     try:
         saved = read_arrays(folder / CALM_CHECKPOINT)
         return saved if str(saved.pop("sha256")) == digest(identity.encode()) else None
-    except UNREADABLE:  # it begins again, and comes to the same
+    except UNREADABLE:  # then it begins again, and ends in the same motion
         return None
 
 
 def write_checkpoint(folder: Path, identity: str, checkpoint: Checkpoint) -> None:
-    """checkpoint.npz, sealed with the rows of progress.csv and clauses.csv so far, which must be in the files."""
+    """Writes checkpoint.npz, sealed with the rows of progress.csv and clauses.csv, which must be written before."""
     rows = b"".join(first_rows(folder / name, checkpoint.iteration) for name in (PROGRESS, CLAUSES))
     state = {f"{STATE}{name}": array for name, array in checkpoint.state.items()}
     write_arrays(
@@ -174,7 +174,7 @@ def read_checkpoint(folder: Path, identity: str, name: str = CHECKPOINT) -> Chec
 
     Args:
       folder, identity: of the run.
-      name: of the file; `LAST` for where a finished run goes on if it is given more iterations.
+      name: of the file. `LAST` is the state that a finished run goes on from when it is given more iterations.
 
     Raises:
       DamagedError: if there is a checkpoint that a run cannot be resumed from.
@@ -195,14 +195,14 @@ def read_checkpoint(folder: Path, identity: str, name: str = CHECKPOINT) -> Chec
 
 
 def shelve_checkpoint(folder: Path) -> None:
-    """A finished run keeps its last checkpoint under another name, in case it is given more iterations."""
+    """Renames the last checkpoint of a finished run, which needs it if it is given more iterations."""
     if (folder / CHECKPOINT).exists():
         (folder / CHECKPOINT).replace(folder / LAST)
     (folder / CALM_CHECKPOINT).unlink(missing_ok=True)
 
 
 def iterations_done(folder: Path) -> int | None:
-    """Of a finished run; None if it is not finished, or done.json cannot be read."""
+    """The iterations of a finished run; None if it is not finished, or done.json cannot be read."""
     try:
         return int(read_json(folder / DONE)["iterations"])
     except UNREADABLE:
@@ -234,7 +234,7 @@ def begun(folder: Path) -> list[Path]:
 
 
 def sealed_run(folder: Path) -> tuple[dict[str, Any], str]:
-    """The results and progress.csv of a finished run, of whatever config: its case and seed are those of the folder.
+    """The results and the progress.csv of a finished run of any config; the folder says its case and seed.
 
     Raises:
       DamagedError: if a file is missing or not as it was written.
@@ -250,7 +250,7 @@ def sealed_run(folder: Path) -> tuple[dict[str, Any], str]:
 
 
 def robustness_so_far(folder: Path) -> float | None:
-    """Of the mean policy, in the last row that the run has written; None if it has written none."""
+    """The robustness of the mean policy in the last row that a run wrote; None without a row."""
     try:
         rows = list(csv.DictReader(io.StringIO(whole_lines(folder / PROGRESS))))
         return float(rows[-1]["robustness_policy"])
@@ -259,13 +259,13 @@ def robustness_so_far(folder: Path) -> float | None:
 
 
 def whole_lines(path: Path) -> str:
-    """A CSV file that may just be written to, without the line that is not whole yet."""
+    """The text of a CSV file that another process may be writing, without an incomplete last line."""
     text, end, _ = path.read_text(encoding="utf-8").rpartition("\n")
     return text + end
 
 
 def joined(tables: Sequence[str]) -> str:
-    """CSV texts as one: a column that some do not have, as another learner's diagnostics, is empty in their rows."""
+    """Joins CSV texts into one. A column that a text lacks, such as another learner's, is empty in its rows."""
     rows = [row for table in tables for row in csv.DictReader(io.StringIO(table))]
     columns = dict.fromkeys(name for table in tables for name in table.split("\n", 1)[0].split(","))
     text = io.StringIO()

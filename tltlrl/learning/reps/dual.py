@@ -6,7 +6,7 @@ Survey on Policy Search for Robotics, section 2.4.3). The dual to minimise over 
     g(eta) = eta epsilon + R_max + eta log( (1/N) sum_i exp((R_i - R_max) / eta) )
 
 and the weights are p_i proportional to exp((R_i - R_max) / eta). Since g'(eta) = epsilon - KL(p || uniform) and the KL
-falls as eta rises, the optimum is where the samples' KL meets the bound: one scalar root, sought over log eta.
+falls as eta rises, the KL equals the bound at the optimum. So one scalar root is sought, over log eta.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ ITERATIONS = 100  # bisection alone needs about 50 from end to end; Newton's ste
 
 @dataclass(frozen=True)
 class Weighting:
-    """Weights of N samples; leading axes (one dual per time step) are those of the returns.
+    """The weights of N samples; leading axes are the same as in the returns (one dual per time step).
 
     Attributes:
       weights: p_i, shape (..., N), summing to 1.
-      eta: temperature in units of the returns, shape (...). Infinite where the returns are equal (all weights are),
-        0 where the bound does not bind and the best samples share the weight.
+      eta: temperature in units of the returns, shape (...). Infinite where all returns are equal (so are the
+        weights); 0 where the bound does not bind and the best samples share all weight.
       kl: KL(p || uniform over the samples with a finite return), nats, shape (...); at most epsilon.
     """
 
@@ -45,14 +45,14 @@ class Weighting:
 
 
 def solve_dual(returns: Array, epsilon: float) -> Weighting:
-    """Weights of the samples under the bound `epsilon`.
+    """The weights of the samples that maximise the mean return under the bound `epsilon` on the KL.
 
     Returns are normalised by their range first, so that neither their scale nor their offset matters. A return of
-    -inf (a sample that cannot be worse) gets weight 0 and is left out of the bound.
+    -inf (a sample that cannot be worse) gets weight 0 and does not count in the bound.
 
     Args:
       returns: R_i, shape (..., N); each leading index is a problem of its own.
-      epsilon: bound of the KL, nats; positive.
+      epsilon: bound on the KL, nats; positive.
 
     Raises:
       ValueError: if epsilon is not positive, if a return is NaN or +inf (naming the samples) or if all are -inf.
@@ -76,7 +76,7 @@ def solve_dual(returns: Array, epsilon: float) -> Weighting:
     with np.errstate(invalid="ignore"):
         scores = np.where(finite, (returns / size - best / size) / np.where(spread > 0, spread, 1.0), -np.inf)
 
-    # Where the bound does not bind the best samples share the weight; where returns are equal that is all of them.
+    # Where the bound does not bind, the best samples share the weight. Where returns are equal, all are the best.
     ties = scores == 0.0
     greedy = np.log(count / ties.sum(axis=-1, keepdims=True)) <= epsilon
     log_eta = _root(np.where(greedy, np.where(ties, 0.0, -1.0), scores), count, epsilon, ~greedy)

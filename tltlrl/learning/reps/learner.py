@@ -1,10 +1,10 @@
-"""REPS as learners: episode-based and step-based differ in the weights alone.
+"""REPS as two learners, episode-based and step-based, which differ only in their weights.
 
-Episode-based REPS solves one dual on the returns R_i; step-based REPS (Chebotar et al. 2017) one per time step on the
-reward-to-go S_{i,t}. Both then fit the policy of every step to its weighted samples.
+Episode-based REPS solves one dual on the returns R_i. Step-based REPS (Chebotar et al. 2017) solves one dual per time
+step on the reward-to-go S_{i,t}. Both then fit the policy of every step to its weighted samples.
 
-An update may learn from the last few batches of samples together. They carry no importance weights: those of another
-mean differ by so many nats over all steps that one sample would take all the weight.
+An update may learn from the last few batches of samples together. It uses no importance weights: over all
+steps they differ by so many nats that one sample would take all the weight.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class RepsSettings:
-    """Relative entropy policy search."""
+    """Settings of relative entropy policy search (REPS)."""
 
     epsilon: float = setting("bound of the samples' KL per update, nats; below log(samples)", 1.0, above=0)
     covariance: str = setting(
@@ -50,8 +50,8 @@ class RepsState:
 
     Attributes:
       gain, mean, covariance, correlation: of the policy.
-      offsets: of the last `batches` - 1 batches, the oldest first, shape (M, T, d).
-      scores: what those are worth: returns, shape (M,), or rewards-to-go, shape (M, T).
+      offsets: offsets of the last `batches` - 1 batches, the oldest first, shape (M, T, d).
+      scores: their returns, shape (M,), or rewards-to-go, shape (M, T).
     """
 
     gain: Array
@@ -63,7 +63,7 @@ class RepsState:
 
 
 class _Reps:
-    """What both have in common; `worth` makes the difference."""
+    """The common part of both learners, which differ in `worth`."""
 
     Settings: ClassVar[type] = RepsSettings
     by_step: ClassVar[bool]
@@ -79,7 +79,7 @@ class _Reps:
         self._remembered = (settings.batches - 1) * samples
 
     def start(self, policy: Policy) -> RepsState:
-        """The first policy, and no samples."""
+        """The state before the first iteration: the first policy, and no samples."""
         steps, d = policy.mean.shape
         scores = np.empty((0, steps) if self.by_step else 0)
         return RepsState(
@@ -91,13 +91,13 @@ class _Reps:
         return self.policy(state).sample(count, rng)
 
     def worth(self, scores: Scores) -> Array:
-        """What the weights follow from: one number per trajectory, (N,), or per trajectory and step, (N, T)."""
+        """The numbers that the dual weighs: one per trajectory, (N,), or one per trajectory and step, (N, T)."""
         raise NotImplementedError
 
     def tell(self, state: RepsState, offsets: Array, scores: Scores) -> tuple[RepsState, Diagnostics]:
-        """The fitted policy.
+        """The state with the policy fitted to the weighted samples, and diagnostics.
 
-        Of step-based REPS eta is the median over the steps, kl and effective_sample_size are means.
+        With step-based REPS, eta is the median over the steps; kl and effective_sample_size are means.
 
         Raises:
           ValueError: if a return is NaN or +inf, or every one is -inf.
@@ -122,7 +122,7 @@ class _Reps:
         ), diagnostics
 
     def policy(self, state: RepsState) -> Policy:
-        """That of the state."""
+        """The policy of a state."""
         return Policy(state.gain, state.mean, state.covariance, state.correlation)
 
 
@@ -132,7 +132,7 @@ class EpisodeBased(_Reps):
     by_step = False
 
     def worth(self, scores: Scores) -> Array:
-        """R_i, shape (N,)."""
+        """The returns R_i, shape (N,)."""
         return scores.returns
 
 
@@ -142,7 +142,7 @@ class StepBased(_Reps):
     by_step = True
 
     def worth(self, scores: Scores) -> Array:
-        """S_{i,t}, shape (N, T).
+        """The rewards-to-go S_{i,t}, shape (N, T).
 
         Raises:
           ValueError: if the rewards of the steps are not known.

@@ -1,4 +1,4 @@
-"""The fit of the policy: weighted samples in, the new mean and covariance of the offsets out.
+"""The fit of the policy: weighted samples => new mean and covariance of the offsets.
 
 Weighted maximum likelihood (case study, section 3.3.3) with the weights of the dual:
 
@@ -9,9 +9,9 @@ Integral Guided Policy Search) has one P_{i,t} per trajectory and step, from the
 
     S_{i,t} = sum_{j >= t} r_{i,j}
 
-A bound on the samples' KL does not bound the fitted Gaussian: from 20 samples the published fit shrinks whatever the
-returns say. The damped fit measures the spread about the *old* mean, which has the old covariance as its expectation
-when returns carry no signal, keeps its diagonal, and moves only part of the way towards it.
+A bound on the samples' KL does not bound the fitted Gaussian: with 20 samples the published fit shrinks whatever the
+returns are. The damped fit measures the spread about the *old* mean. Where returns carry no signal, the expectation of
+this spread is the old covariance. The damped fit uses its diagonal alone, and moves only part of the way to it.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ COVARIANCE_RULES = ("damped", "published")
 
 
 def reward_to_go(rewards: Array) -> Array:
-    """S_{i,t} = sum_{j >= t} r_{i,j}: shape (N, T) => (N, T)."""
+    """The rewards-to-go S_{i,t} = sum_{j >= t} r_{i,j}: shape (N, T) => (N, T)."""
     return np.asarray(np.cumsum(rewards[:, ::-1], axis=1)[:, ::-1])
 
 
 def fit(offsets: Array, weights: Array, mean: Array, covariance: Array, rule: str, kept: float) -> tuple[Array, Array]:
-    """Weighted maximum-likelihood Gaussian of every time step.
+    """Fits a Gaussian to the weighted offsets of every time step, by weighted maximum likelihood.
 
     Args:
       offsets: shape (N, T, d).
       weights: shape (T, N), each row summing to 1.
-      mean, covariance: those the offsets were drawn from, (T, d) and (T, d, d).
-      rule: "published" is the fit above; "damped" its remedy, covariance = kept * old + (1 - kept) * diagonal fit
-        about the old mean.
-      kept: the old covariance's share in the damped one, in [0, 1).
+      mean, covariance: of the policy that drew the offsets, (T, d) and (T, d, d).
+      rule: "published", the fit above, or "damped": kept * old covariance + (1 - kept) * diagonal fit about the old
+        mean.
+      kept: share of the old covariance in the damped fit, in [0, 1).
 
     Returns:
       The new mean (T, d) and covariance (T, d, d).
