@@ -29,7 +29,7 @@ class Registry:
       what: "task" or "learner", for messages.
       group: the entry points' group.
       built_in: name => "module:attribute"; a package cannot take one of these names.
-      described: the same for names that messages do not list: each needs a description by the user, such as a robot's page.
+      described: the same for names that messages do not list: each needs a file or an id from the user.
     """
 
     what: str

@@ -1,6 +1,6 @@
-"""Policy and task in, trajectories out: batches in closed loop, and trials of what was learned.
+"""Policy and task => trajectories: batches in closed loop, and trials of learned policies.
 
 Nothing here learns or judges.
 """
 
-import tltlrl.tasks  # noqa: F401  # which chooses the renderer, before anything imports mujoco
+import tltlrl.tasks  # noqa: F401  # it chooses the renderer before anything imports mujoco

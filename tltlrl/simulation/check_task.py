@@ -1,10 +1,10 @@
-"""The contract of a task, as checks that anyone can run on a task of theirs.
+"""Checks the contract of a task; anyone can run them on their own task.
 
     tltlrl.check_task(TwoLink(TwoLinkConfig()))
 
-It says nothing if the task keeps its contract. Otherwise one message names every rule that is broken, with what is
-wrong. The rules come in three stages: what the task says of itself, what its functions return, how it moves. A stage
-is looked at only once the one before it holds.
+It says nothing if the task keeps its contract. Otherwise one message names every broken rule and what is wrong. Rules
+come in three groups: what the task says of itself, what its functions return, how it moves. A group is checked only if
+no rule of the group before is broken.
 """
 
 from __future__ import annotations
@@ -25,22 +25,22 @@ from tltlrl.tasks.environment import environment
 from tltlrl.tasks.task import MOST_STEPS, Quantity, Task
 
 Array = NDArray[np.float64]
-Rule = Callable[[Task], Iterator[str]]  # what is wrong, or nothing
+Rule = Callable[[Task], Iterator[str]]  # => what is wrong; nothing if all is well
 
 COUNT = 3  # trajectories, or states, that the checks look at
-MOST_SAMPLES = 100  # of an episode that is stepped, so that a long one costs seconds at most
+MOST_SAMPLES = 100  # stepped in one episode, so that a long one takes seconds at most
 PUSH = 0.1  # of the random commands, as a share of a full one
 TOLERANCE = 1e-9  # between the batched rollout and the dm_env view
 
 
 def check_task(task: Task) -> None:
-    """Whether a task keeps the contract of `tltlrl.tasks.task.Task`; see there.
+    """Checks that a task keeps the contract of `tltlrl.tasks.task.Task`.
 
     Args:
-      task: of anyone's.
+      task: any task.
 
     Raises:
-      UserError: naming the task, each rule that it breaks, and what is wrong.
+      UserError: if it breaks a rule; it names the task, each broken rule, and what is wrong.
     """
     for stage in STAGES if getattr(task, "outside", None) is None else (STAGES[0], *OUTSIDE):
         wrong = [f"  {name}: {what}" for name, rule in stage.items() for what in _told(rule, task)]
@@ -50,10 +50,10 @@ def check_task(task: Task) -> None:
 
 
 def _told(rule: Rule, task: Task) -> list[str]:
-    """What a rule finds wrong; an error inside the task's own code counts."""
+    """What a rule finds wrong, including errors raised inside the task's own code."""
     try:
         return list(rule(task))
-    except Exception as error:  # whatever a stranger's code raises
+    except Exception as error:  # the task's code may raise anything
         return [f"it cannot be checked: {type(error).__name__}: {error}"]
 
 
@@ -133,7 +133,7 @@ def _commands(task: Task) -> int:
 
 
 def _array(values: object, shape: tuple[int, ...], kind: type = float) -> Iterator[str]:
-    """Whether it is a finite array of a shape."""
+    """Says so if `values` is not a finite array of the shape."""
     if not isinstance(values, np.ndarray) or values.dtype != kind:
         what = f"an array of {values.dtype}" if isinstance(values, np.ndarray) else f"a {type(values).__name__}"
         yield f"{what}, where an array of {kind.__name__} is needed"
@@ -368,7 +368,7 @@ STAGES: tuple[dict[str, Rule], ...] = (
     },
     {"stepping": _stepping, "repeatable": _repeatable},
 )
-OUTSIDE: tuple[dict[str, Rule], ...] = (  # of a task that an environment stands behind, instead of the last two
+OUTSIDE: tuple[dict[str, Rule], ...] = (  # for a task with an outside environment, in place of the last two groups
     {"reference": _reference, "signals": _signals, "joints": _joints, "end_effector": _end_effector},
     {"repeatable": _resets},
 )

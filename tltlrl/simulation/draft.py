@@ -1,4 +1,4 @@
-"""A first page and a first spec for a model, looked at in simulation."""
+"""Drafts a page and a spec for a robot's model, from a short simulation."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from tltlrl.tasks.mjcf.model import compiled, model_path, read_model
 from tltlrl.tasks.mjcf.page import page_of
 from tltlrl.tasks.mjcf.robot import Robot
 
-SHARE = 0.25  # of the way to the goal: its radius
+SHARE = 0.25  # radius of the goal, as a share of the way to it
 
 
 def draft(model: str, page: Path) -> tuple[str, str]:
-    """The texts of a page and of a spec.
+    """The texts of a first page and a first spec for a model.
 
     Args:
       model: an MJCF file, or package:path.

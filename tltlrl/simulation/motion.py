@@ -1,7 +1,7 @@
 """Measures of one motion: how far, how jerkily and how hard, and from when on it satisfies its spec.
 
-Accelerations and jerks are the first and second differences of the sampled joint velocities, over the time between two
-samples: what a robot would have to do from one sample to the next. The last command moves nothing and does not count.
+Accelerations and jerks are first and second differences of the sampled joint velocities, divided by the time between
+two samples (for jerks, its square). The last command moves nothing and does not count.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ MEASURES = {  # name => unit and meaning, in the order of the tables
     "commands_at_limit": "share of those commands at the actuators' limit or beyond",
     "time_to_satisfaction": "s, from which on every prefix satisfies the spec; empty where the whole does not",
 }
-SAME = 1e-9  # a command that close to its limit, as a share of a full one, is at it
-PREFIXES = 64  # looked at together
+SAME = 1e-9  # a command closer than this to its limit, as a share of a full command, is at it
+PREFIXES = 64  # evaluated together
 
 
 def measures(
     task: Task, spec: Spec, motion: Trajectories, command_range: tuple[Array, Array]
 ) -> dict[str, float | None]:
-    """`MEASURES` of the first of some trajectories; None where the task does not say by name what is meant.
+    """The `MEASURES` of the first trajectory; None where the task does not name the joints or the end-effector.
 
     Args:
-      task: whose motion it is; `task.joints` and `task.end_effector` name what is measured.
-      spec: that it is to satisfy.
-      motion: its samples after an early end do not count.
-      command_range: least and most of each command, shapes (d,).
+      task: the task that moves; `task.joints` and `task.end_effector` name what is measured.
+      spec: the spec of the time to satisfaction.
+      motion: trajectories; samples after an early end do not count.
+      command_range: the least and the greatest value of each command, shapes (d,).
     """
     length, timestep = int(motion.lengths[0]), task.control_timestep
     features, commands = motion.features[0, :length], motion.commands[0, : length - 1]
@@ -62,10 +62,10 @@ def path_length(positions: Array) -> float:
 
 
 def smoothness(velocities: Array, timestep: float) -> dict[str, float | None]:
-    """RMS and peak of accelerations and jerks; None of motions too short to have any.
+    """RMS and peak of accelerations and jerks; None where a motion is too short.
 
     Args:
-      velocities: of the joints, shape (T, j), rad/s.
+      velocities: joint velocities, shape (T, j), rad/s.
       timestep: between two samples, s.
     """
     acceleration = np.diff(velocities, axis=0) / timestep
@@ -79,7 +79,7 @@ def smoothness(velocities: Array, timestep: float) -> dict[str, float | None]:
 
 
 def effort(commands: Array, scale: Array, low: Array, high: Array) -> dict[str, float | None]:
-    """RMS of commands as a share of full ones, and the share that is at a limit.
+    """RMS of commands as shares of a full command, and the share of commands at a limit.
 
     Args:
       commands: shape (T, j), as the policy sent them.
@@ -102,7 +102,7 @@ def satisfied_from(spec: Spec, signals: Signals, length: int) -> int | None:
       length: its samples that count.
     """
     first = length
-    while first > 0:  # from the end backwards, since a motion's last prefixes decide
+    while first > 0:  # backwards, because the last prefixes decide
         lengths = np.arange(max(first - PREFIXES, 0) + 1, first + 1)
         end = lengths[-1]
         prefixes = {name: np.repeat(values[:, :end], len(lengths), axis=0) for name, values in signals.items()}

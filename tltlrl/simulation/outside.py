@@ -1,4 +1,4 @@
-"""Trajectories of an environment that steps by itself, one after the other."""
+"""Simulates an environment that steps by itself, one trajectory after the other."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ FEW = 10  # steps
 
 
 class OutsideSimulator:
-    """An environment in the place of `tltlrl.simulation.rollout.Simulator`."""
+    """Makes trajectories of an environment, in place of `tltlrl.simulation.rollout.Simulator`."""
 
     def __init__(self, task: Task, outside: Outside) -> None:
         self._task, self._outside = task, outside
@@ -22,11 +22,11 @@ class OutsideSimulator:
 
     @property
     def command_range(self) -> tuple[Array, Array]:
-        """The least and the most of each command, shapes (d,)."""
+        """The least and the greatest value of each command, shapes (d,)."""
         return self._outside.command_range
 
     def draw_command_noise(self, count: int, rng: np.random.Generator) -> Array:
-        """What is added to the commands of `count` trajectories, shape (count, T, d)."""
+        """Noise to add to the commands of `count` trajectories, shape (count, T, d)."""
         return draw_command_noise(self._task, (count, self._task.steps), rng)
 
     def draw_starts(self, count: int, rng: np.random.Generator) -> Array | None:
@@ -36,12 +36,12 @@ class OutsideSimulator:
         return rng.integers(SEEDS, size=(count, 1)).astype(np.float64)
 
     def rollout(self, gain: Array, offsets: Array, command_noise: Array, starts: Array | None = None) -> Trajectories:
-        """Simulates u_t = K s_t + offset_t; commands beyond their bounds are cut to them.
+        """Simulates the policies u_t = K s_t + offset_t; commands are cut to their bounds.
 
         Args:
           gain: K, shape (d, n).
           offsets: shape (N, T, d), in the commands' unit.
-          command_noise: what is added, shape (N, T, d).
+          command_noise: noise added to the commands, shape (N, T, d).
           starts: seeds of the first M starts, shape (M, 1); the others start from the task's own seed, or from 0.
 
         Raises:
@@ -60,7 +60,7 @@ class OutsideSimulator:
                     raise FloatingPointError(self._diverged(i, t))
                 if t + 1 == lengths[i]:
                     features[i, t + 1 :] = features[i, t]
-                    features[i, t + 1 :, -1] = 0.0  # nothing is paid after the end
+                    features[i, t + 1 :, -1] = 0.0  # no reward after the end
                     break
                 command = np.clip(commands[i, t] + command_noise[i, t], *self.command_range)
                 try:
@@ -81,7 +81,7 @@ class OutsideSimulator:
 
 
 def unlike(task: Task, outside: Outside) -> str | None:
-    """Where two resets with one seed, and a few steps after them, differ: what the environment observes there."""
+    """Where observations differ after two resets with the same seed and a few same steps; None if nowhere."""
     rng = np.random.default_rng(0)
     low, high = outside.command_range
     commands = rng.uniform(low, high, (min(FEW, task.steps - 1), len(low)))

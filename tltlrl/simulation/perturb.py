@@ -1,4 +1,4 @@
-"""Trials off the model that a policy was learned on: other masses, friction and damping, and another start."""
+"""Trials on a changed model: other masses, friction, damping and starts than the policy was learned with."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from tltlrl.tasks.task import Task
 Array = NDArray[np.float64]
 Range = tuple[float, float]
 NUMBER = re.compile(r"\d+(\.\d*)?|\.\d+")
-MOST = 1e3  # of a factor, and of a start
+MOST = 1e3  # largest factor, and largest spread of the start
 
 
 @dataclass(frozen=True)
 class Perturbation:
-    """How far trials may be from the model.
+    """How much trials may differ from the model.
 
     Attributes:
-      mass: least and most factor of all masses and inertias.
-      friction: of the friction of all geoms, and of the dry friction in joints.
-      damping: of the damping in all joints.
-      start: standard deviation of the start, rad or m in every joint.
+      mass: least and greatest factor on all masses and inertias.
+      friction: the same on the friction of all geoms and the dry friction in joints.
+      damping: the same on the damping in all joints.
+      start: standard deviation of the start in every joint, rad or m.
     """
 
     mass: Range = (1.0, 1.0)
@@ -38,10 +38,10 @@ class Perturbation:
 
 
 def perturbation_of(text: str) -> Perturbation:
-    """What `mass=0.8:1.2,start=0.02` means.
+    """The perturbation that a text like `mass=0.8:1.2,start=0.02` describes.
 
     Raises:
-      UserError: naming what is wrong.
+      UserError: if it cannot be read; it says what is wrong.
     """
     names = [field.name for field in fields(Perturbation)]
     found: dict[str, Range | float] = {}
@@ -67,17 +67,17 @@ def perturbation_of(text: str) -> Perturbation:
 def perturbed_trials(
     task: Task, policy: Policy, perturbation: Perturbation, size: float, count: int, rng: np.random.Generator
 ) -> Trajectories:
-    """`count` trials of the mean policy, each with factors and a start of its own, drawn uniformly from the ranges.
+    """Makes `count` trials of the mean policy, each with its own random factors and start.
 
     The same generator gives the same draws at every size, so that sizes are compared on the same trials.
 
     Args:
-      task: with a model.
-      policy: of that task.
-      perturbation: at size 1.
-      size: from 0, the model as it is, to 1: how much of each range, from 1 on, and of the start's spread.
-      count: of trials.
-      rng: of the factors, the starts and the actuators' noise.
+      task: a task with a model.
+      policy: a policy of that task.
+      perturbation: the perturbation at size 1.
+      size: 0 (the unchanged model) to 1 (the whole ranges); a factor f becomes 1 + size (f - 1).
+      count: number of trials.
+      rng: source of the factors, the starts and the actuators' noise.
 
     Raises:
       FloatingPointError: if a simulation diverged.

@@ -1,4 +1,4 @@
-"""What a robot does under random commands: the ranges of its signals, and whether its simulation holds."""
+"""Moves a robot by random commands, to see the ranges of its signals and whether its simulation diverges."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from tltlrl.tasks.task import Signals, Task
 
 Array = NDArray[np.float64]
 COUNT = 8  # trajectories
-FEW = 200  # samples of each, where an environment steps one after the other
+FEW = 200  # samples of each trajectory of an environment, which cannot step them together
 
 
 def ranges_seen(task: Task, rng: np.random.Generator) -> dict[str, tuple[Array, Array]]:
-    """The least and the most of every component of every signal, (k,) each, under random commands of full size.
+    """Signal => least and greatest value of each component, (k,) each, under random commands of full size.
 
-    Half of the trajectories get a new command at every step, the others keep one throughout.
+    Half of the trajectories get a new command at every step; each of the others keeps one command.
 
     Raises:
-      UserError: if the simulation diverges, with when.
+      UserError: if the simulation diverges; it says when.
     """
     signals = _signals_seen(task, rng)
     wide = {name: values.reshape(-1, 1 if values.ndim == 2 else values.shape[2]) for name, values in signals.items()}
@@ -28,10 +28,10 @@ def ranges_seen(task: Task, rng: np.random.Generator) -> dict[str, tuple[Array, 
 
 
 def reached(task: Task, signal: str, rng: np.random.Generator) -> tuple[Array, Array]:
-    """A signal at the start, (k,), and at the end of the trajectory that takes it the farthest under random commands.
+    """A signal at the start, (k,), and at the end of the random trajectory that takes it farthest, (k,).
 
     Raises:
-      UserError: if the simulation diverges, with when.
+      UserError: if the simulation diverges; it says when.
     """
     values = _signals_seen(task, rng)[signal]
     farthest = np.linalg.norm(values[:, -1] - values[:, 0], axis=-1).argmax()

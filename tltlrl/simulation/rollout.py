@@ -1,7 +1,7 @@
 """Closed-loop simulation of N trajectories at once.
 
-One control step of the batch is one call into C (`mujoco.rollout`) that steps all trajectories. It runs without a
-thread pool: at these batch sizes one costs more than it gives, so parallelism belongs between runs.
+One control step of the batch is one call into C (`mujoco.rollout`) that steps all trajectories. It uses no thread
+pool: at these batch sizes a pool costs more time than it saves, so whole runs are what is parallel.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from tltlrl.errors import UserError
 from tltlrl.tasks.task import Task, draw_command_noise, draw_starts
 
 Array = NDArray[np.float64]
-HUGE = mujoco.mjMAXVAL  # of a position, velocity or control; MuJoCo would reset the one and leave out the other
-ROUNDING = 1e-6  # of a quotient of times
-mujoco.set_mju_user_warning(lambda _: None)  # a rollout says so itself; MuJoCo would leave a file where the user works
+HUGE = mujoco.mjMAXVAL  # larger positions and velocities MuJoCo would reset, larger controls it would ignore
+ROUNDING = 1e-6  # allowed in a quotient of times
+mujoco.set_mju_user_warning(lambda _: None)  # `rollout` raises instead; MuJoCo would leave a file where the user works
 
 
 def substeps(task: Task, timestep: float) -> int:
-    """Steps of the model, of `timestep` seconds each, in one control step.
+    """The number of physics steps, of `timestep` seconds each, in one control step.
 
     Raises:
-      UserError: if that is no whole number.
+      UserError: if it is not a whole number.
     """
     quotient = task.control_timestep / timestep
     count = round(quotient)
@@ -39,7 +39,7 @@ def substeps(task: Task, timestep: float) -> int:
 
 
 def of_forces(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """Which of a model's sensordata (nsensordata,) are what a step says of the forces and accelerations in it."""
+    """Which of a model's sensor values measure forces and accelerations, shape (nsensordata,)."""
     return np.repeat(model.sensor_needstage == mujoco.mjtStage.mjSTAGE_ACC.value, model.sensor_dim)
 
 
@@ -55,13 +55,13 @@ def sensors_at(model: mujoco.MjModel, data: mujoco.MjData, states: Array) -> Arr
 
 
 def starting_states(model: mujoco.MjModel, start: Array, count: int, pushes: Array | None) -> Array:
-    """The full physics states at s_0, (count, size): the task's `start`, the first of them moved.
+    """The full physics states at s_0, (count, size): the task's start, with the first M moved away from it.
 
     Args:
-      model: whose states.
-      start: of the task, (size,).
-      count: of the states.
-      pushes: how far the first M start from there, shape (M, nv), rad or m.
+      model: the model that the states belong to.
+      start: the task's start, (size,).
+      count: number of states.
+      pushes: how far the first M are from the start, shape (M, nv), rad or m.
     """
     states = np.tile(start, (count, 1))
     for state, push in zip(states, () if pushes is None else pushes, strict=False):
@@ -76,11 +76,11 @@ class Trajectories:
     """N trajectories of at most T samples.
 
     Attributes:
-      features: s_t, shape (N, T, n); after a trajectory's end its last sample again.
+      features: s_t, shape (N, T, n); after a trajectory's end its last sample repeats.
       commands: u_t = K s_t + offset_t as the policy sent it, before noise and clipping, shape (N, T, d).
       lengths: samples of each trajectory, shape (N,): T, or less where the episode ended early.
-      last_qpos, last_qvel: state of the whole scene at s_{T-1}, shapes (N, nq) and (N, nv); where an episode ended
-        early the state that the physics went on to.
+      last_qpos, last_qvel: state of the whole scene at s_{T-1}, shapes (N, nq) and (N, nv). The physics goes on to
+        there also where an episode ended early.
     """
 
     features: Array
@@ -91,7 +91,7 @@ class Trajectories:
 
 
 class Simulator:
-    """A task's physics model with the buffers that stepping it in batches needs; not safe to share by threads."""
+    """A task's physics model with buffers for stepping it in batches. Threads must not share it."""
 
     def __init__(self, task: Task) -> None:
         self._task = task
@@ -100,7 +100,7 @@ class Simulator:
         self._data = mujoco.MjData(self._model)
         self._rollout = mujoco.rollout.Rollout(nthread=0)
         self._substeps = substeps(task, self._model.opt.timestep)
-        self._model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # what diverges is seen to diverge
+        self._model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # so that divergence can be seen
         qpos, qvel = task.initial_state()
         self._data.qpos[:], self._data.qvel[:] = qpos, qvel
         self._start = np.empty(mujoco.mj_stateSize(self._model, mujoco.mjtState.mjSTATE_FULLPHYSICS.value))
@@ -109,18 +109,18 @@ class Simulator:
 
     @property
     def model(self) -> mujoco.MjModel:
-        """What is stepped; changes of it hold for the next rollouts."""
+        """The model that is stepped. Changes to it hold for the next rollouts."""
         return self._model
 
     @property
     def command_range(self) -> tuple[Array, Array]:
-        """What the actuators can do: the least and the most of each command, shapes (d,); infinite where unlimited."""
+        """The least and the greatest value of each command, shapes (d,); infinite where there is no limit."""
         limited = self._model.actuator_ctrllimited.astype(bool)
         low, high = self._model.actuator_ctrlrange.T
         return np.where(limited, low, -np.inf), np.where(limited, high, np.inf)
 
     def draw_command_noise(self, count: int, rng: np.random.Generator) -> Array:
-        """What the actuators add to the commands of `count` trajectories, shape (count, T, d)."""
+        """The actuators' noise on the commands of `count` trajectories, shape (count, T, d)."""
         return draw_command_noise(self._task, (count, self._task.steps), rng)
 
     def draw_starts(self, count: int, rng: np.random.Generator) -> Array | None:
@@ -128,15 +128,15 @@ class Simulator:
         return draw_starts(self._task, count, rng)
 
     def rollout(self, gain: Array, offsets: Array, command_noise: Array, starts: Array | None = None) -> Trajectories:
-        """Simulates u_t = K s_t + offset_t from the task's start.
+        """Simulates the policies u_t = K s_t + offset_t from the task's start.
 
         The last command is recorded but moves nothing: no sample comes after s_{T-1}.
 
         Args:
           gain: K, shape (d, n).
           offsets: k_t + exploration noise, shape (N, T, d), in the commands' unit.
-          command_noise: what the actuators add, shape (N, T, d), in the commands' unit.
-          starts: how far trajectories start from the task's start, shape (M, nv), rad or m, for the first M of them.
+          command_noise: the actuators' noise, shape (N, T, d), in the commands' unit.
+          starts: how far the first M trajectories start from the task's start, shape (M, nv), rad or m.
 
         Raises:
           FloatingPointError: if the simulation diverged, naming the first trajectory and step that did.
@@ -145,7 +145,7 @@ class Simulator:
         n, steps, d = offsets.shape
         nq, nv = self._model.nq, self._model.nv
         features = np.empty((steps, n, task.width))
-        commands = offsets.transpose(1, 0, 2).copy()  # the caller's stay as they are
+        commands = offsets.transpose(1, 0, 2).copy()  # the caller's array must not change
         noise = np.ascontiguousarray(command_noise.transpose(1, 0, 2))
         path = np.empty((steps, n, self._start.size))  # the full physics states at the samples
         path[0] = starting_states(self._model, self._start, n, starts)
@@ -176,18 +176,18 @@ class Simulator:
                 sensordata=sensors,
             )
             if sensed is not None:
-                # What the first physics step says belongs to the sample it began at, but for forces.
+                # Sensors of the first physics step belong to the sample it began at, except for forces.
                 features[t, :, known:] = sensed(np.where(self._of_forces, forces, sensors[:, 0]))
                 forces = sensors[:, -1].copy()
             if last:
-                break  # that step was for the sensors
+                break  # this step was only for the sensors
             path[t + 1] = states[:, -1]
-        # MuJoCo leaves out the rest of a control step in which something went wrong, and a control that is huge.
+        # MuJoCo skips the rest of a control step in which something went wrong, and ignores a huge control.
         times = self._start[0] + task.control_timestep * np.arange(steps)[:, None]
         sound = np.abs(path[..., 0] - times) <= ROUNDING * np.maximum(np.arange(steps), 1)[:, None]
         sound &= (np.abs(path) < HUGE).all(axis=2)
         sound[1:] &= (np.abs(commands + noise) < HUGE).all(axis=2)[:-1]
-        # Whoever ended early was simulated to the end all the same, and is cut here.
+        # Trajectories that end early were simulated to the end as well; they are cut here.
         ended = task.terminated(features.reshape(steps * n, -1)).reshape(steps, n)
         lengths = np.where(ended.any(axis=0), ended.argmax(axis=0) + 1, steps)
         for i in np.flatnonzero(lengths < steps):

@@ -1,4 +1,4 @@
-"""Whoever makes trajectories of a task: the batched rollout of its model, or an environment that steps by itself."""
+"""What makes the trajectories of a task: the batched rollout of its model, or an environment that steps by itself."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ Array = NDArray[np.float64]
 
 
 class Simulates(Protocol):
-    """What training asks for; see `tltlrl.simulation.rollout.Simulator`."""
+    """The functions of a simulator that training calls; see `tltlrl.simulation.rollout.Simulator`."""
 
     @property
     def command_range(self) -> tuple[Array, Array]:
-        """The least and the most of each command, shapes (d,)."""
+        """The least and the greatest value of each command, shapes (d,)."""
 
     def draw_command_noise(self, count: int, rng: np.random.Generator) -> Array:
-        """What the actuators add to the commands of `count` trajectories, shape (count, T, d)."""
+        """The actuators' noise on the commands of `count` trajectories, shape (count, T, d)."""
 
     def draw_starts(self, count: int, rng: np.random.Generator) -> Array | None:
-        """What tells the starts of `count` trajectories apart, shape (count, k); None where all start alike."""
+        """Random starts of `count` trajectories for `rollout`, shape (count, k); None where all start alike."""
 
     def rollout(self, gain: Array, offsets: Array, command_noise: Array, starts: Array | None = None) -> Trajectories:
-        """Simulates u_t = K s_t + offset_t."""
+        """Simulates the policies u_t = K s_t + offset_t."""
 
 
 def simulator_of(task: Task) -> Simulates:
-    """The one for a task."""
+    """The simulator of a task."""
     return Simulator(task) if task.outside is None else OutsideSimulator(task, task.outside)

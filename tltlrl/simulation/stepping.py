@@ -1,6 +1,6 @@
-"""N copies of a task's robot, stepped together, for environments that send one command at a time.
+"""Steps N copies of a task's robot together, for environments that send one command at a time.
 
-Each copy moves as in `tltlrl.simulation.rollout`, bit by bit, whatever the others do.
+Each copy moves exactly as in `tltlrl.simulation.rollout`, to the last bit, whatever the others do.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ class Stepper:
     """N robots of one task.
 
     Attributes:
-      features: of the present sample, (N, n).
+      features: features of the current sample, (N, n).
     """
 
     def __init__(self, task: Task, count: int) -> None:
@@ -39,14 +39,14 @@ class Stepper:
         self.features = self._features()
 
     def restart(self, row: int, push: Array | None = None) -> None:
-        """Puts one robot at its start, or as far from there as `push` says, shape (1, nv), rad or m."""
+        """Puts one robot at its start, or away from it by `push`, shape (1, nv), rad or m."""
         state = starting_states(self._model, self._start, 1, push)
         self._state[row] = state[0]
         self._forces[row] = sensors_at(self._model, self._data, state)[0]
         self.features = self._features()
 
     def step(self, commands: Array) -> None:
-        """One control step.
+        """Simulates one control step.
 
         Args:
           commands: what reaches the actuators, (N, d), in the commands' unit.

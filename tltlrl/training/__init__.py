@@ -1,4 +1,4 @@
-"""One run: what is asked for (study), sample, score, tell, record (loop), go on (session).
+"""One run: what is asked for (study), one iteration (loop), all of them, stopped and resumed (session).
 
-A run is a pure function of its `Run`.
+The results of a run are a pure function of its `Run`.
 """

@@ -1,6 +1,6 @@
-"""From what is asked for to what is run: the registries give the task, the reward and the learner of a run.
+"""Builds the task, the reward and the learner of a run from their names and settings.
 
-Here the parts of a study meet, so here are the rules that need two of them.
+The parts of a study meet here, so the rules that need two parts are here.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Setup:
-    """What a run works with, built from its description.
+    """The parts of a run, built from its description.
 
     Attributes:
       task: what is simulated.
-      simulator: of that task.
-      reward: the hand-made reward it is trained on; None for the spec's robustness.
+      simulator: makes trajectories of that task.
+      reward: the hand-made reward that the run is trained on; None for the spec's robustness.
       learner: what improves the policy.
-      told: the spec whose values the learner is told: the run's own, or that one with its predicates normalised.
+      told: the spec whose values the learner is told: the run's own, or the same with normalised predicates.
     """
 
     task: Task
@@ -52,13 +52,13 @@ class Setup:
 
 @dataclass(frozen=True)
 class Samples:
-    """What is simulated in one iteration.
+    """The draws for the simulations of one iteration.
 
     Attributes:
-      policy: that the offsets were drawn from.
-      offsets: of the N samples and, last, those of the mean policy, shape (N + 1, T, d).
-      noise: of the actuators, likewise; none for the mean policy.
-      starts: of the N samples, how far they start from the task's start, shape (N, nv); None where all start there.
+      policy: the policy that the offsets were drawn from.
+      offsets: offsets of the N samples and, last, of the mean policy, shape (N + 1, T, d).
+      noise: the actuators' noise, shape (N + 1, T, d); 0 for the mean policy.
+      starts: how far the N samples start from the task's start, shape (N, nv); None where all start there.
     """
 
     policy: Policy
@@ -68,7 +68,7 @@ class Samples:
 
 
 def draw(run: Run, learner: Learner[Any], simulator: Simulates, state: Any, iteration: int) -> Samples:
-    """The samples of an iteration; they depend on its number, the seed and the learner's state alone."""
+    """Draws the samples of an iteration. They depend only on its number, the seed and the learner's state."""
     rng = np.random.default_rng([run.seed, iteration])
     policy = learner.policy(state)
     offsets = np.concatenate([learner.ask(state, run.algorithm.samples, rng), policy.mean[None]])
@@ -79,7 +79,7 @@ def draw(run: Run, learner: Learner[Any], simulator: Simulates, state: Any, iter
 
 
 def set_up(run: Run) -> Setup:
-    """Everything that training needs.
+    """Builds everything that training needs.
 
     Raises:
       UserError: if the spec lacks what the hand-made reward needs, or the learner's settings do not fit.
@@ -101,16 +101,16 @@ def make_task(config: Any) -> Task:
 
 
 def make_evaluation_task(config: Any) -> Task:
-    """The task as learned policies are tried on it: the same, or a more truthful scene if the task has one."""
+    """The task that learned policies are evaluated on: the same, or a more realistic scene if the task has one."""
     entry = TASKS.get(config.name)
     task: Task = entry.make(entry.evaluation(config))
     return task
 
 
 def make_reward(run: Run) -> StepReward | None:
-    """The hand-made reward that a run is trained on; None if that is the spec's robustness.
+    """The hand-made reward that a run is trained on; None if it is trained on the spec's robustness.
 
-    Step-based learners have coefficients of their own where the config gives them (`reward.step`).
+    The config may give step-based learners other coefficients (`reward.step`).
 
     Raises:
       UserError: if the spec lacks constants that the reward needs.
@@ -140,10 +140,12 @@ def make_learner(run: Run, stage: Stage) -> Learner[Any]:
 
 
 def first_policy(task: Task, algorithm: AlgorithmConfig) -> Policy:
-    """u_t = u_ref_t + K (s_t - s_ref_t) + noise, about the task's reference motion, or that of the policy given.
+    """The first policy, about the task's reference motion or about the mean of the policy in `algorithm.policy`.
+
+    It is u_t = u_ref_t + K (s_t - s_ref_t) + noise.
 
     Raises:
-      UserError: if the policy given is none, or one of another task.
+      UserError: if `algorithm.policy` is no policy, or the policy of another task.
     """
     if (start := algorithm.start()) is None:
         return policy_about(*task.reference(), task, algorithm)
@@ -161,10 +163,10 @@ def first_policy(task: Task, algorithm: AlgorithmConfig) -> Policy:
 
 
 def policy_of(saved: Mapping[str, NDArray[np.generic]]) -> Policy:
-    """The policy whose arrays are given, name => array.
+    """The policy made of its saved arrays, name => array.
 
     Raises:
-      KeyError, ValueError, TypeError: if they are those of none.
+      KeyError, ValueError, TypeError: if the arrays make no policy.
     """
     gain, mean, covariance = (saved[name].astype(np.float64) for name in ("gain", "mean", "covariance"))
     (steps, d) = mean.shape
@@ -174,9 +176,9 @@ def policy_of(saved: Mapping[str, NDArray[np.generic]]) -> Policy:
 
 
 def refined_policy(task: Task, simulator: Simulates, policy: Policy, algorithm: AlgorithmConfig) -> Policy:
-    """The same about the mean motion of a policy that was learned: K may be another one.
+    """The first policy of a stage, about the mean motion of the policy learned so far; K may differ from before.
 
-    Commands beyond what the actuators can do are cut to it, so that exploration about them is felt.
+    Commands are cut to the actuators' limits. Beyond the limits, exploration would change nothing.
     """
     motion = mean_motion(simulator, policy)
     commands = np.clip(motion.commands[0], *simulator.command_range)
@@ -188,10 +190,10 @@ def policy_about(features: Array, commands: Array, task: Task, algorithm: Algori
 
     Args:
       features, commands: s_ref, shape (T, n), and u_ref, shape (T, d).
-      task, algorithm: of which K and the noise are.
+      task, algorithm: K and the noise follow from them.
 
     Raises:
-      UserError: if the exploration of commands is given that the task has not.
+      UserError: if the config gives the exploration of a command that the task does not have.
     """
     gain = algorithm.feedback * task.feedback
     covariance = np.diag((_exploration(task, algorithm) * task.command_scale) ** 2)
@@ -212,10 +214,10 @@ def _exploration(task: Task, algorithm: AlgorithmConfig) -> Array:
 
 
 def check(study: Study) -> None:
-    """Whether the parts of a study go together; builds each of them once.
+    """Checks that the parts of a study fit together, by building each of them once.
 
     Raises:
-      UserError: naming the key or the signal that does not fit.
+      UserError: if a key or a signal does not fit; it names it.
     """
     names = [field.name for field in dataclasses.fields(study.reward) if field.name != "step"]
     for name in study.reward.step:
@@ -235,13 +237,13 @@ def check(study: Study) -> None:
         make_reward(run)
     _check_signals(study.spec, task)
     simulator_of(task)
-    if study.task.name in TASKS.described and task.outside is None:  # a stranger's model
+    if study.task.name in TASKS.described and task.outside is None:  # a model that the user brought
         ranges_seen(task, np.random.default_rng(0))
         make_evaluation_task(study.task)
 
 
 def unlike_resets(study: Study) -> str | None:
-    """Says that an environment is not the same after two resets with one seed, if it is not."""
+    """A warning if an environment differs after two resets with the same seed; None if it does not."""
     task = make_task(study.task)
     if task.outside is None or (where := unlike(task, task.outside)) is None:
         return None
@@ -252,7 +254,7 @@ def unlike_resets(study: Study) -> str | None:
 
 
 def cut_windows(study: Study) -> str | None:
-    """Says that the spec looks beyond the end of an episode, if it does; what every window allows is checked above."""
+    """A warning if the spec looks beyond the end of an episode; None if not. `check` refuses what no window allows."""
     last, horizon = make_task(study.task).steps - 1, study.spec.horizon
     if horizon is None or horizon <= last:
         return None

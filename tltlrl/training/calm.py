@@ -1,10 +1,10 @@
-"""A learned motion made calm, as motion planners simplify their paths: what decides nothing keeps no frozen noise.
+"""Makes a learned motion calm, as motion planners simplify their paths: removes movement that the spec does not need.
 
-Shortcuts (`tltlrl.training.shortcuts`) are taken on the commands. One stays if the exact robustness stays above a share
-of the learned one, and with noise above 0.
+The method tries shortcuts (`tltlrl.training.shortcuts`) of the commands. A shortcut stays if the exact robustness stays
+above a share of the learned robustness, and if the robustness with noise stays above 0.
 
-Candidates are commands u, simulated without feedback: whatever the gain K is, the policy u_t + K (s'_t - s_t), with s
-the motion that u leads to, moves the same without noise. So this works for every task and every feedback.
+Proposals are commands u, simulated without feedback. Let s be the motion that u leads to. Without noise, the policy
+u_t + K (s'_t - s_t) makes the same motion for any gain K. So this works for every task and every feedback.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from tltlrl.training.study import Run
 Array = NDArray[np.float64]
 
 PROPOSALS = 20  # simulated per batch
-NOISY = 10  # trials that a replacement has to stand, all of them
-SPEED = 0.03  # weight of a squared command beside a squared change of it, both as shares of a full command
+NOISY = 10  # trials, all of which must satisfy the spec
+SPEED = 0.03  # weight of squared commands against squared changes of commands, both as shares of a full command
 SPENDING = 0.7  # share of the batches over which the floor of the robustness sinks
 
 
@@ -36,9 +36,9 @@ class Calm:
     """How far a motion is simplified.
 
     Attributes:
-      commands: of the motion, within the limits of the actuators, shape (T, d).
-      offsets: k_t of the policy that follows it, shape (T, d).
-      batches, episodes, env_steps: batches done, and the trajectories and samples simulated for them.
+      commands: commands of the motion, within the actuators' limits, shape (T, d).
+      offsets: k_t of the policy that follows the motion, shape (T, d).
+      batches, episodes, env_steps: batches done, and trajectories and samples simulated for them.
     """
 
     commands: Array
@@ -49,29 +49,31 @@ class Calm:
 
 
 def begin(setup: Setup, policy: Policy) -> Calm:
-    """The learned mean motion as it is: commands beyond the actuators' limits were cut by them."""
+    """The state before the first batch: the learned mean motion, with commands cut to the actuators' limits."""
     commands = np.clip(mean_motion(setup.simulator, policy).commands[0], *setup.simulator.command_range)
     return Calm(commands, policy.mean, 0, 0, 0)
 
 
 def floor(learned: float, share: float, batch: int, batches: int) -> float:
-    """The least robustness in a batch: it sinks from the learned one to a share of it, and then stays.
+    """The least robustness allowed in a batch: it sinks from the learned robustness to a share of it, and then stays.
 
-    At its end at once, the first long pieces would spend all of the margin where the motion is decided, and leave the
-    changes of the command there as abrupt as they are.
+    If it were low from the start, the first long shortcuts would use up the whole margin at the samples that decide.
+    Commands would then stay as abrupt there as they are.
     """
     return learned * (1 - (1 - share) * min(1.0, (batch + 1) / (SPENDING * batches)))
 
 
 def calmer(run: Run, setup: Setup, policy: Policy, calm: Calm, least: float) -> Calm:
-    """One batch of proposals; the calmest whose robustness is at least `least` stays, or disjoint ones together.
+    """The motion after one more batch of proposals.
+
+    The calmest proposal whose robustness is at least `least` is taken, or several together that change other steps.
 
     Args:
-      run: its seed and the batch's number are all that chance depends on.
+      run: its seed and the batch's number decide all random numbers.
       setup: task, simulator and limits.
-      policy: the learned one.
-      calm: as far as it is.
-      least: robustness that has to be kept, positive; see `floor`.
+      policy: the learned policy.
+      calm: the motion so far.
+      least: the least robustness allowed, positive; see `floor`.
     """
     rng = np.random.default_rng([run.seed, run.algorithm.iterations, run.trials, calm.batches])
     joints = joint_commands(setup.task)
@@ -118,15 +120,15 @@ def simplified(
     """The motion of a learned policy after each batch.
 
     Args:
-      run, setup: of the policy.
-      policy: the learned one.
-      robustness: of its mean motion, positive.
-      share: of it that has to be kept.
-      batches: how many in all.
-      start: where it was stopped, or how it begins.
+      run, setup: the run that learned the policy.
+      policy: the learned policy.
+      robustness: robustness of its mean motion, positive.
+      share: share of that robustness that has to be kept.
+      batches: batches in all.
+      start: the state of an earlier session, or of `begin`.
 
     Yields:
-      How far it is, first as it starts.
+      The motion so far, first `start` itself.
     """
     calm = start
     yield calm
@@ -136,10 +138,10 @@ def simplified(
 
 
 def calm_policy(policy: Policy, calm: Calm) -> Policy:
-    """The policy that follows a calm motion with the learned one's feedback, and explores no more."""
+    """The policy that follows a calm motion with the learned policy's feedback, without exploration."""
     return Policy(policy.gain, calm.offsets, np.zeros_like(policy.covariance), policy.correlation)
 
 
 def joint_commands(task: Task) -> slice:
-    """Which commands move joints; all of them, unless the task says which."""
+    """The commands that move joints: all of them, unless the task names some."""
     return slice(None) if task.joints is None else task.command_slices[task.joints.speeds]

@@ -1,4 +1,4 @@
-"""The row of clauses.csv: how the parts of the spec stand on the sampled trajectories of one iteration."""
+"""One row of clauses.csv: the values of the spec's parts on the sampled trajectories of one iteration."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ Array = NDArray[np.float64]
 
 
 def standing(parts: Parts) -> dict[str, str]:
-    """Column => value, to five digits; empty where it is undefined, as the mean of +inf and -inf.
+    """Column => value with five digits; empty where it is undefined, such as the mean of +inf and -inf.
 
-    Of a clause its robustness counts; of a named sub-formula, the largest value over the samples, as `F name` has it.
+    The value of a clause is its robustness. The value of a named sub-formula is its largest over the samples, `F name`.
     """
     row: dict[str, str] = {}
     for i, (text, values) in enumerate(parts.clauses.items()):

@@ -1,7 +1,7 @@
 """One iteration: sample, score, tell, record.
 
-The noise of iteration i comes from a generator seeded with (seed, i), so a run that was interrupted goes on to the
-same bytes as one that was not, and the cases of one seed share their noise (common random numbers).
+The noise of iteration i comes from a generator seeded with (seed, i). So a run that was interrupted ends in the same
+bytes as one that was not, and cases with the same seed share their noise (common random numbers).
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Iteration:
-    """What one iteration saw and learned.
+    """The outcome of one iteration.
 
     Attributes:
-      state: the learner's, after it.
+      state: the learner's state after it.
       record: the columns of progress.csv that depend on the iteration alone; the learner's own come last.
       clauses: the columns of clauses.csv.
-      env_steps: samples of its trajectories, those after an early end not counted.
-      physics_seconds: time in simulation.
+      env_steps: samples of its trajectories; samples after an early end do not count.
+      physics_seconds: time spent in simulation, s.
     """
 
     state: Any
@@ -43,7 +43,7 @@ class Iteration:
 
 
 def iterate(run: Run, setup: Setup, state: Any, iteration: int) -> Iteration:
-    """N sampled trajectories and, in the same batch, the noise-free mean policy.
+    """Does one iteration: N sampled trajectories and, in the same batch, one of the mean policy without noise.
 
     Raises:
       ValueError: if a return is not a number that can be learned from.
@@ -87,16 +87,16 @@ def iterate(run: Run, setup: Setup, state: Any, iteration: int) -> Iteration:
 
 
 def score(reward: StepReward | None, signals: Signals, told: Array, telescoped: Array | None = None) -> Scores:
-    """What the learner is told, in the reward's own units.
+    """The scores that the learner is told, in the reward's own units.
 
-    After an early end a hand-made reward goes on as at the last sample (an absorbing state): otherwise an episode
-    that ends early would be spared its costs.
+    After an early end the last sample's hand-made reward repeats (an absorbing state). Otherwise an episode could
+    avoid costs by ending early.
 
     Args:
-      reward: the hand-made one; None to learn from the spec.
-      signals: of the sampled trajectories, shapes (N, T) and (N, T, k).
-      told: what is told of the spec on them, shape (N,).
-      telescoped: the same step by step, shape (N, T), for learners that need it.
+      reward: the hand-made reward; None to learn from the spec.
+      signals: signals of the sampled trajectories, shapes (N, T) and (N, T, k).
+      told: their returns under the spec, shape (N,).
+      telescoped: the same as rewards per step, shape (N, T), for learners that need them.
     """
     if reward is None:
         return Scores(told, telescoped)

@@ -1,4 +1,4 @@
-"""One run from wherever it stands to its end: resume, iterate, checkpoint, judge."""
+"""Takes one run from where it stands to its end: resume, iterate, checkpoint, judge."""
 
 from __future__ import annotations
 
@@ -43,17 +43,17 @@ from tltlrl.training.study import Run
 from tltlrl.training.verdict import judge, robustness_of
 
 CHECKPOINT_SECONDS = 2.0
-LOCK_SECONDS = 10.0  # a worker whose command was killed ends within a few
+LOCK_SECONDS = 10.0  # a worker ends within a few seconds after its command was killed
 
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a run stands, which is what its checkpoint holds.
+    """Where a run stands, as its checkpoint holds it.
 
     Attributes:
-      state: the learner's.
-      best: the policy whose mean motion was the best of those that were simulated; the first one before any was.
-      robustness: of that motion.
+      state: the learner's state.
+      best: the policy with the best mean motion simulated so far; the first policy before any was simulated.
+      robustness: the robustness of that motion.
     """
 
     state: Any
@@ -61,18 +61,18 @@ class Progress:
     robustness: float
 
     def seen(self, policy: Policy, robustness: float) -> Progress:
-        """After the mean motion of a policy was simulated; of two that are equal the newer one is the best."""
+        """The progress after a policy's mean motion was simulated. If two are equally good, the newer is the best."""
         better = robustness >= self.robustness
         return Progress(self.state, policy if better else self.best, robustness if better else self.robustness)
 
 
 def train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
-    """Does what is missing of a run: progress.csv, clauses.csv, timing.csv, policy.npz and, last, done.json.
+    """Finishes a run: writes progress.csv, clauses.csv, timing.csv, policy.npz and, last, done.json.
 
     Args:
       run: what to do.
-      folder: where; a run that was stopped is resumed from the checkpoint in it.
-      report: called with the number of finished iterations, and further on with that of calm batches added.
+      folder: folder of the run; a stopped run is resumed from the checkpoint there.
+      report: called with the number of finished iterations, and later of iterations and calm batches together.
 
     Raises:
       ValueError: if a return is not a number, or a learner's diagnostics change; the folder keeps what was done.
@@ -95,7 +95,7 @@ def train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
 
 
 def shorter_run(run: Run, folder: Path) -> Run | None:
-    """The same run with fewer iterations, if the folder holds its results, whole."""
+    """The same run with fewer iterations, if the folder holds its complete results; otherwise None."""
     done = iterations_done(folder)
     if done is None or not 0 < done < run.algorithm.iterations:
         return None
@@ -109,9 +109,8 @@ def shorter_run(run: Run, folder: Path) -> Run | None:
 def _go_on(shorter: Run, run: Run, folder: Path) -> None:
     """Makes the last state of a finished run the checkpoint of the same run with more iterations.
 
-    What an iteration draws depends on the seed and its number alone, so the run goes on to the bytes that it would have
-    come to without a stop. Results of before this was possible have no last state: their run starts again, to the same
-    bytes.
+    What an iteration draws depends only on the seed and its number, so the run ends in the same bytes as without a
+    stop. Results of old versions hold no last state. Then the run starts again, and ends in the same bytes too.
     """
     with contextlib.suppress(DamagedError):
         if (saved := read_checkpoint(folder, shorter.identity(), LAST)) is not None:
@@ -162,7 +161,7 @@ def _train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
             if run.algorithm.keep == "best":
                 row["robustness_kept"] = stands.robustness
             columns = columns or list(row)
-            if list(row) != columns:  # else they would stand under other names
+            if list(row) != columns:  # otherwise values would stand under wrong names
                 raise ValueError(f"the learner's diagnostics changed at iteration {i}: {list(row)}, before {columns}")
             _write_row(progress, row, header=i == 0)
             _write_row(clauses, {"iteration": i} | result.clauses, header=i == 0)
@@ -191,7 +190,7 @@ def _train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
 def _simplify(
     run: Run, setup: Setup, policy: Policy, robustness: float, folder: Path, report: Callable[[int], None]
 ) -> Calm:
-    """The calm motion of a learned policy whose mean motion has this robustness; goes on where it was stopped."""
+    """Makes the mean motion of a learned policy calm, from where an earlier session stopped; returns its last state."""
     identity = run.identity() + digest(policy.mean.tobytes())
     start = calm = begin(setup, policy)
     saved = read_calm_checkpoint(folder, identity)
@@ -216,13 +215,13 @@ def _write_row(file: TextIO, row: dict[str, Any], header: bool) -> None:
 
 
 def resume(folder: Path, identity: str, like: Callable[[int], Any]) -> tuple[int, int, Any]:
-    """Iterations done, the samples in them and where it stands; cuts the CSV files back to the checkpoint.
+    """Iterations done, their samples, and the progress of a run; cuts the CSV files back to the checkpoint.
 
-    Without a checkpoint, or with one that a run cannot be resumed from, the run starts again from its first state.
+    Without a usable checkpoint the run starts again from its first state.
 
     Args:
       folder, identity: of the run.
-      like: iterations done => a state of the kind that the learner has then; for 0 the first one.
+      like: iterations done => a progress with the fields that the checkpoint should have; for 0, the first one.
     """
     try:
         saved = read_checkpoint(folder, identity)
@@ -240,7 +239,7 @@ def resume(folder: Path, identity: str, like: Callable[[int], Any]) -> tuple[int
 
 
 def arrays_of(state: Any) -> dict[str, np.ndarray]:
-    """The fields of a dataclass of arrays and numbers, by name; those of one in it as `name.field`."""
+    """The fields of a dataclass of arrays and numbers, by name; fields of a nested dataclass as `name.field`."""
     arrays: dict[str, np.ndarray] = {}
     for field in dataclasses.fields(state):
         value = getattr(state, field.name)
@@ -252,10 +251,10 @@ def arrays_of(state: Any) -> dict[str, np.ndarray]:
 
 
 def from_arrays(like: Any, arrays: Mapping[str, np.ndarray]) -> Any:
-    """A state with the fields of `like`, from what `arrays_of` gave; numbers become numbers again.
+    """A state with the fields of `like`, from the result of `arrays_of`; numbers become numbers again.
 
     Raises:
-      DamagedError: if a field is missing or one is too much.
+      DamagedError: if a field is missing, or there is an unknown one.
     """
     if set(arrays_of(like)) != set(arrays):
         raise DamagedError("the checkpoint is of another learner")
@@ -272,14 +271,14 @@ def from_arrays(like: Any, arrays: Mapping[str, np.ndarray]) -> Any:
 
 
 def learned_policy(folder: Path, name: str = POLICY) -> Policy:
-    """The policy that a finished run has left.
+    """A policy of a finished run, read from its file.
 
     Args:
       folder: of the run.
-      name: of the file: that of the learned policy, or of the calm one beside it.
+      name: of the file: policy.npz, or calm.npz beside it.
 
     Raises:
-      DamagedError: if the file cannot be read, or is not that of a policy.
+      DamagedError: if the file cannot be read, or holds no policy.
     """
     try:
         return policy_of(read_policy(folder, name))
@@ -288,10 +287,10 @@ def learned_policy(folder: Path, name: str = POLICY) -> Policy:
 
 
 def check_policy(task: Task, policy: Policy) -> None:
-    """Whether a policy is one of the task, as its digest alone does not say.
+    """Checks that a policy has the shapes of the task, which its digest does not show.
 
     Raises:
-      DamagedError: if it is not.
+      DamagedError: if it does not.
     """
     expected = (len(task.command_scale), task.width), (task.steps, len(task.command_scale))
     if (policy.gain.shape, policy.mean.shape) != expected:

@@ -1,14 +1,14 @@
-"""Proposals of calmer motions, in the manner of the shortcuts of motion planners (Geraerts and Overmars 2007, OMPL).
+"""Proposes calmer motions, by shortcuts as in motion planning (Geraerts and Overmars 2007, OMPL).
 
-A motion is the speeds of its joints at T steps; it begins and ends at rest. A shortcut changes a piece [first, end) of
-it, and joint path and speeds before and after the piece stay as they were. It is one of four:
+A motion is given by the speeds of its joints at T steps; it begins and ends at rest. A shortcut changes a piece
+[first, end) of it; before and after the piece, joint path and speeds stay the same. There are four kinds:
 
-- smooth: waves of the joint path that are shorter than some width are taken out;
-- through: one point of the joint path is passed at some speed, or moved, and the way to it and from it is smooth;
-- shift: what lies in the middle of the piece happens earlier or later, what lies before and after it faster or slower;
-- rest: the robot stops, and stays to the end.
+- smooth: waves of the joint path that are shorter than some width are removed;
+- through: a point of the joint path, or one near it, is passed at some speed, and the way to and from it is smooth;
+- shift: the middle of the piece happens earlier or later, and the rest of the piece faster or slower;
+- rest: the robot stops, and stays at rest to the end.
 
-Speeds are shares of full ones here, so that no joint outweighs another.
+Speeds are shares of full speed, so that no joint outweighs another.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from scipy.linalg import solveh_banded
 
 Array = NDArray[np.float64]
 
-TRIES = 8  # per proposal that is wanted
+TRIES = 8  # per wanted proposal
 SHORTEST = 4  # steps of a piece
-LONGEST_FADE = 12  # steps to come to rest in
+LONGEST_FADE = 12  # most steps to come to rest
 REST = 0.4  # share of the last pieces that come to rest
-PART, ONE_JOINT = 0.3, 0.3  # shares of the shortcuts that are taken in part, and by one joint alone
+PART, ONE_JOINT = 0.3, 0.3  # shares of the shortcuts that are applied only in part, and only to one joint
 
 
 @dataclass(frozen=True)
@@ -33,9 +33,9 @@ class Shortcut:
     """A change of a motion.
 
     Attributes:
-      first, end: of the steps that it changes.
-      speeds: of the whole motion with it, shape (T, j).
-      cost: of that motion.
+      first, end: the steps [first, end) that it changes.
+      speeds: speeds of the whole changed motion, shape (T, j).
+      cost: cost of the changed motion.
     """
 
     first: int
@@ -45,7 +45,7 @@ class Shortcut:
 
 
 def cost(speeds: Array, straightness: float) -> float:
-    """Sum of the squared changes of speed, from rest to rest, and of the squared speeds, weighed.
+    """The sum of squared changes of speed, from rest to rest, plus the weighted sum of squared speeds.
 
     Args:
       speeds: shape (T, j).
@@ -55,7 +55,7 @@ def cost(speeds: Array, straightness: float) -> float:
 
 
 def _costs(speeds: Array, straightness: float) -> Array:
-    """Of each step, shape (T,); but for coming to rest after the last."""
+    """The cost of each step, shape (T,), without the stop after the last."""
     return np.asarray(np.sum(np.diff(speeds, axis=0, prepend=0.0) ** 2 + straightness * speeds**2, axis=1))
 
 
@@ -69,7 +69,7 @@ def shortcuts(
       low, high: limits of the speeds, shapes (j,); infinite where there are none.
       straightness: see `cost`.
       count: how many are wanted.
-      rng: what all choices come from.
+      rng: source of all choices.
     """
     before, costs = cost(speeds, straightness), _costs(speeds, straightness)
     if before == 0:
@@ -88,7 +88,7 @@ def shortcuts(
 
 
 def _shortcut(speeds: Array, about: int, straightness: float, rng: np.random.Generator) -> Shortcut:
-    """One of any kind, of a piece in which the step `about` lies."""
+    """One shortcut of any kind, of a piece that contains the step `about`."""
     steps, joints = speeds.shape
     length = int(SHORTEST * (steps / SHORTEST) ** rng.random())
     first = about - int(rng.integers(length + 1))
@@ -118,7 +118,7 @@ def _shortcut(speeds: Array, about: int, straightness: float, rng: np.random.Gen
 
 
 def _through(piece: Array, before: Array, after: Array, at: int, rng: np.random.Generator) -> Array:
-    """By smooth ways through a point of the path, or one near it, at a speed like that before it or after it."""
+    """The piece on a smooth way through a point of the path, or near it, at about the speed before or after it."""
     to, on = piece[:at], piece[at:]
     if not len(to) or not len(on):
         return piece
@@ -131,7 +131,7 @@ def _through(piece: Array, before: Array, after: Array, at: int, rng: np.random.
 
 
 def _shift(piece: Array, rng: np.random.Generator) -> Array:
-    """The middle of a piece earlier or later."""
+    """The piece with its middle earlier or later."""
     if len(piece) < 2:
         return piece
     a, b = sorted(rng.integers(1, len(piece), 2))
@@ -140,17 +140,17 @@ def _shift(piece: Array, rng: np.random.Generator) -> Array:
 
 
 def stretched(speeds: Array, steps: int) -> Array:
-    """The same joint path in another number of steps; shape (T, j) => (steps, j)."""
+    """Speeds along the same joint path in another number of steps, shape (T, j) => (steps, j)."""
     path = np.vstack([np.zeros(speeds.shape[1]), np.cumsum(speeds, axis=0)])
     times = np.linspace(0, len(speeds), steps + 1)
     return np.diff([np.interp(times, np.arange(len(path)), joint) for joint in path.T], axis=1).T
 
 
 def smoothed(piece: Array, before: Array, after: Array, width: float) -> Array:
-    """A piece of a motion with waves shorter than `width` steps smoothed out of its joint path.
+    """A piece of a motion without waves of its joint path shorter than `width` steps.
 
-    The path q becomes the one that minimises lambda sum (second differences)^2 + sum (change of q)^2, lambda =
-    (width / 2 pi)^4, with its ends as they were; the wider, the closer to a cubic.
+    The new path minimises lambda sum (second differences)^2 + sum (change of q)^2 with lambda = (width / 2 pi)^4. Its
+    ends stay. The larger the width, the closer the path to a cubic.
 
     Args:
       piece: speeds, shape (n, j).
@@ -161,17 +161,17 @@ def smoothed(piece: Array, before: Array, after: Array, width: float) -> Array:
     if not len(bends):
         return piece
     bands = np.tile([[1.0], [-4.0], [6.0 + (2 * np.pi / width) ** 4]], len(bends))
-    shift = np.pad(-solveh_banded(bands, bends), ((1, 1), (0, 0)))  # of the path's points; its ends stay
+    shift = np.pad(-solveh_banded(bands, bends), ((1, 1), (0, 0)))  # change of the path's points; its ends stay
     return np.asarray(piece + np.diff(shift, axis=0))
 
 
 def at_rest_from(speeds: Array, step: int, fade: int) -> Array:
-    """The motion until a step; then it slows down evenly for `fade` steps, and rests.
+    """A motion that is the same until a step, then slows down evenly for `fade` steps, and rests.
 
     Args:
       speeds: shape (T, j).
-      step: the first that is changed.
-      fade: steps.
+      step: the first step that changes.
+      fade: how many steps it takes to come to rest.
     """
     result = speeds.copy()
     result[step:] = 0.0
@@ -182,11 +182,11 @@ def at_rest_from(speeds: Array, step: int, fade: int) -> Array:
 
 
 def together(shortcuts: list[Shortcut], speeds: Array) -> Array:
-    """The motion with every shortcut that overlaps none before it in the list.
+    """The motion with every shortcut in the list that overlaps none before it.
 
     Args:
-      shortcuts: of the same motion.
-      speeds: of that motion, shape (T, j).
+      shortcuts: shortcuts of the same motion.
+      speeds: speeds of that motion, shape (T, j).
     """
     result, taken = speeds.copy(), np.zeros(len(speeds), dtype=bool)
     for shortcut in shortcuts:

@@ -20,8 +20,8 @@ from tltlrl.store.files import digest
 from tltlrl.store.layout import POLICY
 
 TLTL = "tltl"  # the reward that is the spec's own robustness
-MOST_SEEDS = MOST_TRIALS = MOST_SAMPLES = 10_000  # more would not fit into memory, and show only after hours
-LATER = {  # than 0.1, with their defaults
+MOST_SEEDS = MOST_TRIALS = MOST_SAMPLES = 10_000  # more would not fit into memory, and fail only after hours
+LATER = {  # keys that came after version 0.1, with their defaults
     "exploration": {},
     "basis": 0,
     "told": "robustness",
@@ -36,13 +36,13 @@ LATER = {  # than 0.1, with their defaults
 
 
 def with_later(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """The config of a result of any version: what was added since stands at its default, which changes nothing."""
+    """The config of a result of any version, with keys added that it lacks, at their defaults."""
     return {**settings, "algorithm": {**LATER, **settings["algorithm"]}}
 
 
 @dataclass(frozen=True)
 class AlgorithmConfig:
-    """Policy search as far as it is the same for every learner: its budget and its first policy."""
+    """The settings of policy search that all learners share: the budget and the first policy."""
 
     iterations: int = setting("policy updates", 200, least=1, budget=True)
     samples: int = setting("trajectories per iteration", 20, least=2, most=MOST_SAMPLES)
@@ -93,7 +93,7 @@ class AlgorithmConfig:
         check(self, "algorithm")
 
     def start(self) -> bytes | None:
-        """The file of the policy to start from, if there is one.
+        """The bytes of the file of the policy to start from; None if there is none.
 
         Raises:
           UserError: if it cannot be read.
@@ -111,7 +111,7 @@ class AlgorithmConfig:
 
 @dataclass(frozen=True)
 class Stage:
-    """From an iteration on: the exploration about the motion learned so far, and the learner's own settings.
+    """A stage of a run: iterations with the same exploration and settings.
 
     Attributes:
       first: its first iteration.
@@ -130,7 +130,7 @@ class Case:
 
     Attributes:
       reward: `tltl`, or one of the task's hand-made rewards.
-      learner: a name in `registry.LEARNERS`.
+      learner: a name in `tltlrl.registry.LEARNERS`.
     """
 
     reward: str
@@ -149,9 +149,9 @@ class Run:
     Attributes:
       task: the task's own config dataclass.
       reward: the coefficients of its hand-made rewards.
-      spec: trained on (case tltl_*) and measured by (every case).
-      case: what is trained.
-      seed: of all noise.
+      spec: what is learned in cases tltl_*; every case is measured by it.
+      case: reward and learner.
+      seed: seed of all noise.
       algorithm: policy search.
       learner: the learner's own settings.
       trials: noisy trials of the learned policy.
@@ -169,20 +169,19 @@ class Run:
     refine: Stage | None = None
 
     def stage(self, iteration: int) -> Stage:
-        """What an iteration belongs to."""
+        """The stage that an iteration belongs to."""
         if self.refine is not None and iteration >= self.refine.first:
             return self.refine
         return Stage(0, self.algorithm, self.learner)
 
     def identity(self) -> str:
-        """SHA-256 of everything above, by which a run's files are known to be its own.
+        """SHA-256 of all attributes; a run's files hold it, so that they can be told from another run's.
 
-        What 0.1 did not have is left out where it is at its default: results of 0.1 that would be the same today have
-        the same identity.
+        Keys that 0.1 did not have are left out where they are at their default. So results of 0.1 keep their identity.
         """
         algorithm = dataclasses.asdict(self.algorithm) | dataclasses.asdict(self.learner)
         if (start := self.algorithm.start()) is not None:
-            algorithm["policy"] = digest(start)  # wherever it lies
+            algorithm["policy"] = digest(start)  # its bytes count, not its path
         edition = getattr(self.task, "edition", 1)  # of what its settings simulate; see PlanarArmConfig
         asked = {
             "task": without_places(self.task) | ({"edition": edition} if edition > 1 else {}),
@@ -198,12 +197,12 @@ class Run:
 
 @dataclass(frozen=True)
 class Study:
-    """A comparison: every case with every seed.
+    """A study: every case with every seed.
 
     Attributes:
-      name: of its folder.
+      name: name of its folder.
       task, reward: config dataclasses of the task and of its hand-made rewards.
-      spec: what is learned, and what every case is measured by.
+      spec: what is learned; every case is measured by it.
       cases, seeds: what is compared.
       algorithm: the same for every case.
       learners: name of a learner => its own settings, for every learner among the cases.

@@ -1,4 +1,4 @@
-"""What a learned policy is worth: the robustness of its mean motion, and trials with the actuators' noise."""
+"""Judges a learned policy: by the robustness of its mean motion, and by trials with the actuators' noise."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class Trials:
     """Trials of a learned policy, in the evaluation scene, with the actuators' noise.
 
     Attributes:
-      robustness: of each trial, shape (count,).
-      outcomes: what the task judges by other means than the spec: name -> whether, shape (count,).
-      signals, lengths: of the trials, for explanations.
+      robustness: robustness of each trial, shape (count,).
+      outcomes: what the task itself judges, without the spec: name => whether it holds, shape (count,).
+      signals, lengths: signals and samples of the trials, for explanations.
     """
 
     robustness: Array
@@ -39,7 +39,7 @@ class Trials:
 
 
 def try_policy(run: Run, policy: Policy, count: int, rng: np.random.Generator) -> Trials:
-    """`count` trials of the mean policy."""
+    """Makes `count` trials of the mean policy."""
     task = make_evaluation_task(run.task)
     return _judged(run, task, trials(simulator_of(task), policy, count, rng))
 
@@ -47,7 +47,7 @@ def try_policy(run: Run, policy: Policy, count: int, rng: np.random.Generator) -
 def try_off_model(
     run: Run, policy: Policy, perturbation: Perturbation, size: float, count: int, rng: np.random.Generator
 ) -> Trials:
-    """`count` trials of the mean policy, each off the model; see `perturbed_trials`."""
+    """Makes `count` trials of the mean policy, each with a changed model; see `perturbed_trials`."""
     task = make_evaluation_task(run.task)
     return _judged(run, task, perturbed_trials(task, policy, perturbation, size, count, rng))
 
@@ -63,9 +63,9 @@ class Motions:
     """Motions of a policy in the scene of training.
 
     Attributes:
-      signals: name -> (N, T) or (N, T, k).
-      lengths: samples of each, shape (N,).
-      robustness: of each, shape (N,).
+      signals: name => (N, T) or (N, T, k).
+      lengths: samples of each motion, shape (N,).
+      robustness: robustness of each motion, shape (N,).
     """
 
     signals: Signals
@@ -74,7 +74,7 @@ class Motions:
 
 
 def motions(run: Run, policy: Policy, samples: int, rng: np.random.Generator) -> Motions:
-    """The mean motion, without any noise, and after it sampled ones, with exploration and the actuators' noise."""
+    """The mean motion without noise, then `samples` motions with exploration and the actuators' noise."""
     task = make_task(run.task)
     simulator = simulator_of(task)
     offsets = np.concatenate([policy.mean[None], policy.sample(samples, rng)])
