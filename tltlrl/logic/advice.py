@@ -51,8 +51,8 @@ class Stop:
     """Where the parser stops.
 
     Attributes:
-      token: the one that cannot stand there; of type $END at the end of the text.
-      accepts: types of the tokens that can.
+      token: the token that cannot stand there; its type is $END at the end of the text.
+      accepts: types of the tokens that can stand there.
       text: the text before it, or its end if it is long.
       before: the word or sign before it, "" at the start.
       after: the text after it.
@@ -73,18 +73,18 @@ class Stop:
 
     @property
     def missing(self) -> list[str]:
-        """Marks that can stand here, the most likely first."""
+        """The punctuation marks that can stand here, the most likely first."""
         accepts = self.accepts - ({"COLON"} if "DOTS" in self.accepts else set())
         return [] if self.declaration_wanted else [mark for name, mark in MARKS.items() if name in accepts]
 
     @property
     def marks(self) -> str:
-        """Those that could close what is open, as alternatives to an operator."""
+        """The marks that could close an open bracket or list, as alternatives to an operator."""
         return "".join(f" or '{mark}'" for mark in (")", ",") if mark in self.missing)
 
     @property
     def meant(self) -> str | None:
-        """The declaration that one of the words here is a capital spelling of."""
+        """The keyword of a declaration, if one of the words here is that keyword in capitals; otherwise None."""
         keywords = DECLARATIONS.values()
         words = (str(self.token), self.before) if self.kind in {"NAME", "COLON"} else ()
         return next((w.lower() for w in words if w not in keywords and w.lower() in keywords), None)
@@ -102,7 +102,7 @@ class Stop:
 
     @property
     def named(self) -> str | None:
-        """The name that is given here as if no keyword were needed: `p := ...`, or `p = ...` with a formula."""
+        """The name that the text defines here without a keyword: `p := ...`, or `p = ...` with a formula."""
         if self.kind == "NAME" and self.declaration_wanted and re.match(r"\s*:?=(?!=)", self.after):
             return str(self.token)
         given = self.after.startswith("=") if self.kind == "COLON" else re.match(r"(?!=).*[<>]", self.after)
@@ -110,7 +110,7 @@ class Stop:
 
     @property
     def is_naming(self) -> bool:
-        """Whether a sign stands here by which other languages name things."""
+        """Whether a sign stands here that defines names in other languages."""
         return self.kind in {"ASSIGN", "COLON"} and self.before.isidentifier()
 
     @property
@@ -135,7 +135,7 @@ class Stop:
 
     @property
     def operand_found(self) -> bool:
-        """Whether an operand, or what begins one, stands where an operator is wanted."""
+        """Whether an operand, or the start of one, stands where an operator is wanted."""
         return self.operator_wanted and (self.kind in {"NAME", "NUMBER", "LPAR", "NOT"} or self.kind in OPERATORS)
 
     @property
@@ -311,12 +311,12 @@ TABLE: tuple[tuple[Condition, Advice], ...] = (
 
 
 def expected(token: Token, accepts: set[str], text: str, after: str) -> str:
-    """What could stand where `token` does, and what to do.
+    """Advice: what could stand in place of `token`, and what to do.
 
     Args:
       token: where the parser stops.
       accepts: types of the tokens that can stand there.
-      text, after: of the spec before and after the token, without comments.
+      text, after: the spec before and after the token, without comments.
     """
     before = re.findall(r"\w+$|\S$|$", text.rstrip()[-100:])[0]
     within = ["", *re.findall(rf"\b(?:{'|'.join(DECLARATIONS.values())})\b", text)][-1]

@@ -1,5 +1,7 @@
-"""What a document declares, settled for itself: every name once, families by their labels, constants with their
-overrides, and in a bare formula the signals that its names stand for."""
+"""Reads the declarations of a document, before any formula.
+
+Every name is declared once. Families get their labels, constants their overrides. In a bare formula, names are signals.
+"""
 
 import math
 from collections import deque
@@ -16,7 +18,7 @@ from tltlrl.logic.errors import Source, Span, SpecError
 from tltlrl.logic.syntax import Node
 
 Value = float | tuple[float, ...]
-MAX_DIMENSION = 1000  # of a signal: each component is a node of its own
+MAX_DIMENSION = 1000  # of a signal: each component needs a node of its own
 
 # Those that no name can hide; the others are names where the text declares them.
 RESERVED = {"abs", "sqrt", "exp", "sin", "cos", "min", "max", "norm", "distance", "ball", "box"}
@@ -56,14 +58,14 @@ FUNCTIONS = {
 class Declarations:
     """The names of a document, before any formula is read.
 
-    `names` are all that it declares, `families` the labels of those that have members, `durations` the constants (name
-    and label) that are in seconds, `document` is the one given with the effective constants and period in place.
-    `is_bare` says that it declares nothing, so that its names are signals.
+    `names` are all declared names; `families` are the labels of the names that have members; `durations` are the
+    constants (name and label) in seconds; `document` is the given document with the effective constants and period.
+    `is_bare` says that the document declares nothing, so that its names are signals.
     """
 
     names: tuple[str, ...]
     signals: dict[str, int | None]
-    members: dict[str, tuple[str, str | None]]  # of signals: the family's name and the label of `ped[1]`
+    members: dict[str, tuple[str, str | None]]  # signal `ped[1]` => the name of its family and its label
     signal_spans: dict[str, Span]
     booleans: frozenset[str]  # names of the signals that are true or false
     families: dict[str, tuple[str, ...]]
@@ -77,10 +79,10 @@ class Declarations:
 def declare(
     source: Source, document: syntax.Document, overrides: Mapping[str, object] | None, period: float | None
 ) -> Declarations:
-    """Read the declarations, override constants and settle the sampling period, s.
+    """Reads the declarations, overrides constants and finds the sampling period, s.
 
     Raises:
-      SpecError: at the first one that is wrong.
+      SpecError: at the first declaration that is wrong.
     """
     names, labels = _names(source, document)
     families = {name: tuple(found) for name, found in labels.items()}
@@ -118,7 +120,7 @@ def declare(
 
 
 def _period(source: Source, document: syntax.Document, given: float | None) -> float | None:
-    """The time between two samples, s, as the text or the caller says it; both must say the same."""
+    """The time between two samples, s, from the text or the caller, which must not disagree."""
     own = [d for d in document.declarations if isinstance(d, syntax.Period)]
     for d in own:
         if not 0 < d.seconds < math.inf:
@@ -147,10 +149,10 @@ def _with_period(document: syntax.Document, period: float | None) -> syntax.Docu
 
 
 def check_binding(source: Source, span: Span, variable: str, labels: tuple[str, ...], names: tuple[str, ...]) -> None:
-    """Whether a family or quantifier may use this variable for these labels.
+    """Checks that a family or quantifier may use this variable for these labels.
 
     Raises:
-      SpecError: if not.
+      SpecError: if it may not.
     """
     if len(set(labels)) < len(labels):
         twice = next(label for label in labels if labels.count(label) > 1)
@@ -164,7 +166,7 @@ def check_binding(source: Source, span: Span, variable: str, labels: tuple[str, 
 
 
 def _names(source: Source, document: syntax.Document) -> tuple[tuple[str, ...], dict[str, list[str]]]:
-    """Every declared name, and the labels of those that are families."""
+    """Every declared name, and the labels of every family."""
     declared: dict[str, syntax.Signal | syntax.Constant | syntax.Definition] = {}
     labels: dict[str, list[str]] = {}
     for d in document.declarations:
@@ -211,7 +213,7 @@ def _names(source: Source, document: syntax.Document) -> tuple[tuple[str, ...], 
 
 
 def _inferred_signals(formula: Node) -> tuple[dict[str, int | None], dict[str, Span]]:
-    """In a bare formula every free name is a signal: a vector where it meets one, else a scalar."""
+    """The signals of a bare formula, its free names: vectors where the formula combines them with one, else scalars."""
     names: dict[str, Span] = {}
     alike: list[tuple[Node, ...]] = []  # terms of one dimension
     for node, _ in syntax.walk(formula):
@@ -245,7 +247,7 @@ def _inferred_signals(formula: Node) -> tuple[dict[str, int | None], dict[str, S
 
 
 def _dimension(node: Node, known: Mapping[str, int]) -> int | None:
-    """The dimension of an expression in a bare formula as far as its form shows it."""
+    """The dimension of an expression in a bare formula, as far as its form shows it."""
     parts: Iterator[Node] = iter(())
     match node:
         case syntax.Vector(items):
@@ -355,10 +357,10 @@ def _value(source: Source, d: syntax.Constant, given: object) -> Value:
 
 
 def overridden(source: Source, d: syntax.Constant, overrides: Mapping[str, object]) -> Value:
-    """The value of a constant, its own or that of an override.
+    """The value of a constant: its override if there is one, otherwise its own value.
 
     Raises:
-      SpecError: if the override is of another kind.
+      SpecError: if the override is of another kind than the constant.
     """
     assert not isinstance(d.value, Node)
     given = overrides.get(d.name, d.value) if isinstance(overrides, Mapping) else d.value
@@ -368,7 +370,7 @@ def overridden(source: Source, d: syntax.Constant, overrides: Mapping[str, objec
 
 
 def _is_number(given: object) -> TypeGuard[float]:
-    """Whether it is a finite real number; a truth value is none."""
+    """Whether a value is a finite real number; true and false are not numbers."""
     try:
         return not isinstance(given, bool) and isinstance(given, Real) and math.isfinite(given)
     except OverflowError:  # an integer beyond the floats

@@ -10,8 +10,7 @@ SHOWN_WIDTH = 120
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """A stretch of source text; lines and columns count from 1, `end_column` is one past the last
-    character."""
+    """A stretch of source text. Lines and columns count from 1; `end_column` is one past the last character."""
 
     line: int = 1
     column: int = 1
@@ -28,13 +27,13 @@ NOWHERE = Span()
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A spec's text and the name messages call it by (its path, or `<spec>`)."""
+    """A spec's text, and the name that messages use for it (its path, or `<spec>`)."""
 
     name: str
     text: str
 
     def message(self, span: Span, problem: str) -> str:
-        """`name:line:column: problem`, then the source line, then a caret under the span."""
+        """The text of an error: `name:line:column: problem`, then the source line, then a caret under the span."""
         lines = self.text.split("\n")
         line = "".join(c if c.isprintable() else " " for c in lines[span.line - 1])
         start = span.column - 1
@@ -62,11 +61,11 @@ class _PointingError(UserError):
 
 
 class SpecError(_PointingError):
-    """A mistake in a spec, or in the constants that override its own; found before anything runs."""
+    """A mistake in a spec or in the constants that override its own. It is raised before anything runs."""
 
 
 class TraceError(_PointingError):
-    """Signals that a spec cannot be evaluated on; points to the place in the spec that needs them."""
+    """A spec cannot be evaluated on the given signals. The message shows the place in the spec that needs them."""
 
 
 # What other languages and logics call it -> what is written here.

@@ -16,11 +16,12 @@ Suffixes = Callable[[int, Truth], Values]
 class Explanation:
     """Why one trajectory has its robustness.
 
-    min and max select: the value of a formula is the margin of one predicate at one step, with its sign
-    turned once per negation on the way (`negated`: an odd number of times): `value == -margin if negated
-    else margin`, exactly. When the end of the trajectory decides (X at the last sample, a T without a
-    second sample) or its start (previous at the first sample), `value` is infinite, `predicate`, `name`, `line`,
-    `column` and `margin` are None, `step` is the last sample or the first, and `edge` says which it is.
+    min and max each select one operand. So the value of a formula is the margin of one predicate at one step, negated
+    once per negation on the way: `value == -margin if negated else margin`, exactly.
+
+    The edge of the trajectory may decide instead: its end (X at the last sample, T without a second sample) or its
+    start (previous at the first sample). Then `value` is infinite, `predicate`, `name`, `line`, `column` and `margin`
+    are None, `step` is the last sample or the first, and `edge` says which.
     """
 
     value: float
@@ -47,7 +48,7 @@ class Explanation:
 
     @property
     def decided_by(self) -> str:
-        """How it was decided: `at step 3 by !(x < 1) in low, margin -0.2`; the margin is that of the formula shown."""
+        """What decides, in words: `at step 3 by !(x < 1) in low, margin -0.2`, with the margin of the formula shown."""
         if self.predicate is None:
             return f"by the {self.edge} of the trajectory, step {self.step}"
         part = f" in {self.name}" if self.name else ""
@@ -56,7 +57,7 @@ class Explanation:
 
     @property
     def place(self) -> str:
-        """Where the predicate stands, `file:line:column`; the file alone when the end decides."""
+        """The place of the predicate, `file:line:column`; only the file when the edge of the trajectory decides."""
         return self.source if self.line is None else f"{self.source}:{self.line}:{self.column}"
 
     def __str__(self) -> str:
@@ -64,11 +65,11 @@ class Explanation:
 
 
 def explain(meaning: Meaning, source: str, signals: Signals) -> Explanation:
-    """Explain one trajectory: `signals` hold (1, T) arrays."""
+    """Explains the robustness of one trajectory, whose signals are arrays (1, T)."""
     end = next(iter(signals.values())).shape[1]
 
     def suffixes(stop: int, *formulas: Truth) -> Values:
-        """The value of these formulas, and of all below them, on every slice [t, stop)."""
+        """The values of these formulas and of all below them, on every slice [t, stop)."""
         cut = {key: array[:, :stop] for key, array in signals.items()}
         wanted = dict.fromkeys(nodes(formulas), (0, stop))
         return {node: array[0] for node, array in plan(meaning.graph, wanted, stop).run(cut).items()}
@@ -90,15 +91,15 @@ def explain(meaning: Meaning, source: str, signals: Signals) -> Explanation:
 
 @dataclass(frozen=True, slots=True)
 class Deciding:
-    """Where the way down from a formula to what gives it its value ends.
+    """What gives a formula its value: the end of the way down through its operators.
 
     Attributes:
-      formula: the last one on the way: a predicate, or an operator that the edge of the trajectory decides.
-      step: at which.
+      formula: the last formula on the way: a predicate, or an operator that the edge of the trajectory decides.
+      step: the step at which it decides.
       margin: its value there.
-      negated: whether the sign was turned an odd number of times.
-      name: of the innermost named sub-formula on the way.
-      edge: of the trajectory, where that decides.
+      negated: whether there are an odd number of negations on the way.
+      name: the innermost named sub-formula on the way.
+      edge: the edge of the trajectory that decides, if one does.
     """
 
     formula: Truth
@@ -110,14 +111,14 @@ class Deciding:
 
 
 def descend(formula: Truth, values: Values, stop: int, suffixes: Suffixes | None) -> Deciding:
-    """From a formula at the first sample to the predicate that gives it its value there.
+    """Finds what gives a formula its value at the first sample.
 
     Args:
       formula: where to begin.
-      values: of it and all below it at every step of one trajectory of `stop` samples, node to (T,).
-      stop: how many samples.
-      suffixes: the same on slices that end earlier. Without it the way ends at an operator that needs them, whose
-        left operand holds temporal operators.
+      values: values of the formula and all below it at every step of one trajectory, node => (T,).
+      stop: how many samples the trajectory has.
+      suffixes: computes the same on slices that end earlier. Without it the way ends at an operator that needs them:
+        a U or T whose left operand holds temporal operators.
     """
     t, negated, name = 0, False, None
     while True:
@@ -141,7 +142,7 @@ def _is_truncated(formula: Truth) -> bool:
 
 
 def nodes(formulas: Iterable[Truth]) -> list[int]:
-    """The nodes of these formulas and of all below them: down to predicates, not into their arithmetic."""
+    """The nodes of these formulas and of all formulas below them; predicates' arithmetic is left out."""
     found: dict[Truth, int] = {}
     stack = list(formulas)
     while stack:
@@ -155,10 +156,10 @@ def nodes(formulas: Iterable[Truth]) -> list[int]:
 def _step(
     formula: Truth, t: int, stop: int, values: Values, suffixes: Suffixes | None
 ) -> tuple[Truth, int, int] | None:
-    """The part, its step and the end of its slice that give a formula its value at t on [t, stop).
+    """The part that gives a formula its value at t on [t, stop), with its step and the end of its slice.
 
-    `values` are those of the slices that end at `stop`, `suffixes` computes those that end earlier. None when there
-    is none: the end of the trajectory decides.
+    None if the edge of the trajectory decides. `values` are for slices that end at `stop`; `suffixes` computes them for
+    slices that end earlier.
     """
     value = values[formula.node][t]
     match formula.operation, formula.data:

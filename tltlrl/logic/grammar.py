@@ -1,6 +1,6 @@
-"""The parser of grammar.lark, from the tables that are kept in tables.py: building them takes longer than parsing.
+"""The parser of grammar.lark, loaded from the tables in tables.py: building them takes longer than parsing.
 
-`make grammar` writes tables.py anew; a change of grammar.lark calls for it, and a test says so.
+After a change of grammar.lark, `make grammar` has to write tables.py again; a test fails until it has.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ OPTIONS: dict[str, Any] = {"parser": "lalr", "lexer": "basic", "keep_all_tokens"
 
 
 def parser(builder: Transformer[Token, object], words: Any = None) -> Lark:
-    """The parser; with another version of lark than that of the tables it is built from the grammar.
+    """The parser, from the tables; built from the grammar if the tables are of another version of lark.
 
     Args:
       builder: its methods make the syntax tree, one per rule.
-      words: looks through the tokens of a text before they are parsed (lark's postlex).
+      words: processes the tokens of a text before they are parsed (lark's postlex).
     """
     if lark.__version__ == tables.LARK:
         kept: Lark = Lark._load_from_dict(tables.DATA, tables.MEMO, transformer=builder, postlex=words)  # type: ignore[no-untyped-call]
@@ -32,17 +32,17 @@ def parser(builder: Transformer[Token, object], words: Any = None) -> Lark:
 
 
 def built(builder: Transformer[Token, object] | None = None, words: Any = None) -> Lark:
-    """The parser from the grammar itself."""
+    """The parser, built from the grammar itself."""
     return Lark(GRAMMAR.read_text(encoding="utf-8"), transformer=builder, postlex=words, **OPTIONS)
 
 
 def digest() -> str:
-    """SHA-256 of the grammar, by which tables are known to be of it."""
+    """SHA-256 of the grammar, which shows whether the tables belong to it."""
     return hashlib.sha256(GRAMMAR.read_bytes()).hexdigest()
 
 
 def write_tables() -> None:
-    """Writes tables.py: plain literals, so that nothing has to be unpickled."""
+    """Writes tables.py as plain literals, so that nothing has to be unpickled."""
     from lark.grammar import Rule
     from lark.lexer import TerminalDef
 

@@ -1,8 +1,7 @@
-"""What a spec means, as one flat graph of scalar operations: each value of a trajectory over time is
-computed once.
+"""What a spec means, as a flat graph of scalar operations, each of which is computed once per trajectory.
 
-Vectors are gone (one node per component), names are gone (one node per distinct sub-formula), and every
-node's arguments come before it, so that no pass over the graph needs recursion.
+A vector becomes one node per component. Names are gone; equal sub-formulas share one node. The arguments of a node come
+before it, so no pass over the graph needs recursion.
 """
 
 import math
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# op -> the function of its arguments' arrays. n-ary minimum and maximum fold from the left.
+# op => the function of its arguments' arrays. n-ary minimum and maximum fold from the left.
 UFUNCS: dict[str, np.ufunc] = {
     "add": np.add,
     "subtract": np.subtract,
@@ -40,12 +39,12 @@ UFUNCS: dict[str, np.ufunc] = {
 }
 ARITHMETIC = {*UFUNCS, "norm", "squares", "wrap", "holds"}
 POINTWISE = {*ARITHMETIC, "signal", "constant"}
-# Not defined, or not finite, for some finite arguments: computed at every sample, so that a mistake is
-# never missed.
+# Operations that are undefined or not finite for some finite arguments. They are computed at every sample, so that
+# no mistake is missed.
 PARTIAL = {"divide", "power", "sqrt", "exp", "log", "asin", "acos", "mod"}
-# Their values can be infinite only where an argument is: for formulas, true and false.
+# Operations whose values are infinite only where an argument is (of formulas: true and false).
 SELECTING = {"minimum", "maximum", "negative", "holds"}
-# Look back, as far as the first sample of the trajectory, whatever slice they are read on.
+# Operations that look back as far as the first sample of the trajectory, whatever slice they are read on.
 PAST = {"lag", "previous", "once", "historically", "since"}
 BEGUN = ("", None)  # key of the signal that is +inf from a trajectory's first sample on, and -inf before
 
@@ -99,8 +98,11 @@ class Graph:
     _number: dict[Op, int] = field(default_factory=dict)
 
     def add(self, name: str, *args: int, data: tuple[object, ...] = ()) -> int:
-        """The number of this operation. Constants are folded; FloatingPointError when that has no finite
-        value."""
+        """Adds an operation, unless an equal one is there, and returns its number. Constants are folded.
+
+        Raises:
+          FloatingPointError: if an operation on constants has no finite value.
+        """
         if name == "negative" and self.ops[args[0]].name == "negative":
             return self.ops[args[0]].args[0]
         if name in {"minimum", "maximum"} and len(args) == 1:
@@ -124,7 +126,7 @@ class Graph:
         return value
 
     def below(self, roots: Iterable[int], without: Container[int] = ()) -> list[int]:
-        """Every node the roots depend on, themselves included, arguments first; not through `without`."""
+        """Every node that the roots depend on, and the roots, arguments first; it does not look below `without`."""
         seen: set[int] = set()
         stack = list(roots)
         while stack:
@@ -135,7 +137,7 @@ class Graph:
         return sorted(seen)
 
     def horizon(self, root: int) -> int | None:
-        """How many steps beyond t the value at t can depend on; None when on all that follow."""
+        """How many steps after t the value at t can depend on; None if on all."""
         reach: dict[int, float] = {}  # below zero: only on earlier ones
         for node in self.below([root]):
             op = self.ops[node]
@@ -165,7 +167,7 @@ class Graph:
         return None if reach[root] == math.inf else max(0, int(reach[root]))
 
     def memory(self, root: int) -> int | None:
-        """How many steps before t the value at t can depend on; None when on all."""
+        """How many steps before t the value at t can depend on; None if on all."""
         depth: dict[int, float] = {}
         for node in self.below([root]):
             op = self.ops[node]
@@ -238,7 +240,7 @@ def _squares(args: list[Array], out: Array | None, scratch: Array | None) -> Arr
 
 
 def _norm_of_small(args: list[Array], out: Array | None) -> Array:
-    """The norm where squares of small numbers vanish: those are scaled by a power of 2, which changes no digit."""
+    """The norm of numbers whose squares would vanish: they are scaled by a power of 2, which changes no digit."""
     with np.errstate(under="ignore", over="ignore"):
         plain = sum(arg * arg for arg in args)
         scaled = sum((arg * _SCALE) ** 2 for arg in args)

@@ -1,4 +1,4 @@
-"""What a spec means: its formula with every name settled, over one graph of numbers."""
+"""What a spec means: its formula with every name resolved, over one graph of numbers."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from tltlrl.logic.graph import Graph
 
 @dataclass(frozen=True, slots=True)
 class Predicate:
-    """An atomic formula, or an expression that can fail: its text and its place."""
+    """A predicate, or an expression that can have no finite value: its text and its place."""
 
     text: str
     span: Span
@@ -21,7 +21,7 @@ class Predicate:
 class Truth:
     """A formula as it was written: an operation (see tltlrl.logic.graph.Op) on formulas, or a predicate.
 
-    Equal formulas share one graph node, but each is a Truth of its own, that knows its name and place.
+    Equal formulas share one graph node, but each has its own Truth with its name and place.
     """
 
     node: int
@@ -29,7 +29,7 @@ class Truth:
     parts: tuple["Truth", ...] = ()
     data: tuple[object, ...] = ()
     predicate: Predicate | None = None
-    name: str | None = None  # of the named sub-formula that it is
+    name: str | None = None  # its name, if it is a named sub-formula
     span: Span | None = None  # None for what is only a part of an operator's meaning
 
 
@@ -37,10 +37,9 @@ class Truth:
 class Region:
     """A ball or box of constant size and place that a formula speaks of, for pictures of the workspace.
 
-    `name` is the named sub-formula that holds it (None in the spec's own line), `signal` the vector signal
-    it is about (None when it is about an expression), `inside` whether the formula ever asks to be in it, and not
-    only to keep out (as in distance(...) > radius, or under a negation). A ball has `centre` and `radius`, a box
-    `lower` and `upper`.
+    `name` is the named sub-formula that holds it (None in the spec's own line). `signal` is its vector signal (None for
+    an expression). `inside` says whether the formula anywhere asks to be in it; otherwise it only asks to keep out, as
+    in distance(...) > radius or under a negation. A ball has `centre` and `radius`, a box `lower` and `upper`.
     """
 
     name: str | None
@@ -55,13 +54,13 @@ class Region:
 
 @dataclass(frozen=True, slots=True)
 class Meaning:
-    """All that evaluation needs. Numbers are nodes of `graph`; times are steps."""
+    """Everything that evaluation needs. Numbers are nodes of `graph`; times are in steps."""
 
     document: syntax.Document  # with the effective constants
     graph: Graph
     formula: Truth
     root: int  # its node
-    start: int  # a node of the same value at the first sample
+    start: int  # a node with the same value at the first sample
     signals: dict[str, int | None]
     signal_spans: dict[str, Span]
     booleans: frozenset[str]  # the signals that are true or false
@@ -89,15 +88,15 @@ class Meaning:
 
     @property
     def looks_back(self) -> bool:
-        """Whether something in it looks at earlier samples."""
+        """Whether the formula looks at earlier samples."""
         return any(self.graph.looks_back)
 
 
 def asked(formula: Truth, conditions: Mapping[int, Truth]) -> set[tuple[int, bool]]:
-    """The node of every predicate, and whether the formula asks for it; for its opposite, or both, where it stands so.
+    """Pairs (node of a predicate, whether the formula asks for it or for its opposite); both pairs if it asks for both.
 
-    It does under an even number of negations, since every other operation rises with its parts; holds(...), too, with
-    the condition in it (by its node).
+    Under an even number of negations it asks for the predicate: every other operation increases with its operands.
+    `conditions` are the conditions in holds(...), by node; they are followed too.
     """
     found: set[tuple[Truth, bool]] = set()
     stack = [(formula, True)]

@@ -1,12 +1,12 @@
-"""Predicates brought to one scale: each divided by its spread over trajectories that were seen.
+"""Brings predicates to one scale: divides each by its spread over given trajectories.
 
 The case study asks for an "automatic or adaptive normalization of predicate robustnesses": min and max compare margins
-of different kinds, and a predicate whose unit makes its margins small is never heard. Dividing by a positive number
-keeps every sign, so a trajectory satisfies the normalised spec where it satisfies the spec; what changes is which
-predicate decides by how much.
+of different kinds, so the choice of units can settle which predicate decides. Dividing by a positive number keeps every
+sign, so a trajectory satisfies the normalised spec if and only if it satisfies the spec. What changes is which
+predicate decides, and by how much.
 
-The spread of a predicate is the standard deviation of its margin over all samples. The members of a family, and every
-other predicate that is written at one place, have one spread: the root mean square of theirs.
+The spread of a predicate is the standard deviation of its margin over all samples. Predicates
+written at the same place, such as the members of a family, share one spread: the root mean square of their own.
 """
 
 from collections import defaultdict
@@ -40,7 +40,7 @@ def spreads(places: Mapping[int, object], margins: Mapping[int, Array]) -> dict[
 
     Args:
       places: predicate's node => where it is written.
-      margins: its node => its values, of any shape; those that are not finite count for nothing.
+      margins: predicate's node => its values, of any shape; values that are not finite are ignored.
     """
     variances = defaultdict(list)
     for node, place in places.items():
@@ -51,9 +51,9 @@ def spreads(places: Mapping[int, object], margins: Mapping[int, Array]) -> dict[
 
 
 def divided(meaning: Meaning, scales: Mapping[int, float]) -> Meaning:
-    """The same meaning with each of these predicates divided by its scale; named sub-formulas keep theirs.
+    """The same meaning with each of these predicates in its formula divided by its scale.
 
-    Only its formula is meant to be evaluated.
+    Named sub-formulas are not changed, so only the formula should be evaluated.
     """
     graph = Graph()
     number: dict[int, int] = {}

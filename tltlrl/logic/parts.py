@@ -1,4 +1,4 @@
-"""How the parts of a formula stand on many trajectories: its clauses and its named sub-formulas."""
+"""The values of a formula's parts on many trajectories: of its clauses and its named sub-formulas."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from tltlrl.logic.meaning import Meaning, Truth
 
 @dataclass(frozen=True)
 class Parts:
-    """What the parts of a formula are worth on N trajectories, and which of them decide.
+    """The values of a formula's parts on N trajectories, and which of them decide.
 
     Attributes:
       clauses: text of each top-level clause => its robustness on the whole trajectory, (N,).
-      highest, lowest: name of each sub-formula => its largest and its smallest value over the samples, (N,): above 0
-        it holds at some sample, or at all.
-      clause: number of the clause whose value is the robustness, the first of several, (N,).
-      name: number of the innermost named sub-formula that holds the deciding predicate, -1 for none, (N,).
+      highest, lowest: name of each sub-formula => its largest and its smallest value over the samples, (N,). If the
+        largest is above 0, it holds at some sample; if the smallest is, at all.
+      clause: index of the first clause whose value is the robustness, (N,).
+      name: index of the innermost named sub-formula that holds the deciding predicate, -1 for none, (N,).
     """
 
     clauses: Mapping[str, Array]
@@ -34,7 +34,7 @@ class Parts:
 
 
 def clauses_of(meaning: Meaning) -> dict[str, Truth]:
-    """The top-level clauses by their text: the operands of the conjunction that the formula is, or it itself."""
+    """Text => clause, for the operands of the conjunction at the top of the formula, or the formula itself."""
     formula, written = meaning.formula, meaning.document.formula
     if not isinstance(written, syntax.And):
         return {str(written): formula}
@@ -42,12 +42,12 @@ def clauses_of(meaning: Meaning) -> dict[str, Truth]:
 
 
 def parts(meaning: Meaning, values: Mapping[int, Array], lengths: NDArray[np.intp]) -> Parts:
-    """The parts of a formula on N trajectories.
+    """Computes the values of a formula's parts on N trajectories.
 
     Args:
-      meaning: of the spec.
-      values: of the formula and all below it, named sub-formulas included, node => (N, T).
-      lengths: how many samples of each count, (N,).
+      meaning: the spec's meaning.
+      values: values of the formula, all below it and the named sub-formulas, node => (N, T).
+      lengths: samples of each trajectory that count, (N,).
     """
     clauses = {text: values[clause.node][:, 0] for text, clause in clauses_of(meaning).items()}
     counts = np.arange(next(iter(values.values())).shape[1]) < lengths[:, None]
@@ -78,7 +78,7 @@ class _Trajectory(dict[int, Array]):
 
 
 def wanted(meaning: Meaning) -> dict[str, tuple[str, ...]]:
-    """Of each clause the named sub-formulas that it asks for: those that stand in it under no negation, or two."""
+    """Clause => the named sub-formulas in it that it asks to hold: under no negation, or an even number."""
     found = {}
     for text, clause in clauses_of(meaning).items():
         names: dict[str, None] = {}

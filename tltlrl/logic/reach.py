@@ -1,4 +1,4 @@
-"""What the length of a trajectory alone decides: windows that lie beyond its end, whatever happens before."""
+"""Finds what the length of a trajectory decides by itself: windows that lie beyond its end."""
 
 import numpy as np
 
@@ -7,16 +7,16 @@ from tltlrl.logic.semantics import Signals, plan
 
 
 def beyond(meaning: Meaning, signals: Signals) -> tuple[Truth, float] | None:
-    """A part of the formula that every trajectory of this length satisfies, or none does, and its value +-inf.
+    """The innermost part of the formula that all or no trajectories of this length satisfy, and its value +-inf.
 
     Every operation selects one of its arguments or the infinite value of an empty minimum or maximum, so whether a
     value is infinite does not depend on the trajectory. A part that is read at the first sample alone counts if it is
-    infinite there; one under a temporal operator if it is at every sample. The innermost such part is given. Nothing is
-    said of a formula with truths (signal p: bool, holds), whose values are infinite themselves.
+    infinite there; one under a temporal operator if it is at every sample. None if there is no such
+    part, or if the formula holds truths (signal p: bool, holds), whose values are always infinite.
 
     Args:
-      meaning: of the spec.
-      signals: of any one trajectory of that length, arrays of shape (1, T).
+      meaning: the spec's meaning.
+      signals: signals of any trajectory of that length, arrays (1, T).
     """
     if any(op.name == "holds" for op in meaning.graph.ops):
         return None

@@ -11,12 +11,12 @@ from tltlrl.logic.explain import Explanation
 
 @dataclass(frozen=True)
 class Reason:
-    """One cause of failure, and how often.
+    """One cause of failure, and how often it occurs.
 
     Attributes:
       what: the predicate that decides, with the named sub-formula it stands in.
-      count: of the trajectories that it decides.
-      first, last: earliest and latest step at which it does.
+      count: number of trajectories that it decides.
+      first, last: earliest and latest step at which it decides.
       worst, best: lowest and highest robustness among them.
     """
 
@@ -36,7 +36,7 @@ class Reason:
 
 
 def failed(explanations: Iterable[Explanation]) -> list[Reason]:
-    """The reasons of those trajectories whose robustness is not above zero, the most frequent first."""
+    """The reasons why trajectories fail (robustness not above 0), the most frequent first."""
     return merge(
         Reason(describe(why), 1, why.step, why.step, why.value, why.value) for why in explanations if not why.satisfied
     )
@@ -51,7 +51,7 @@ def describe(why: Explanation) -> str:
 
 
 def merge(reasons: Iterable[Reason]) -> list[Reason]:
-    """Reasons of the same text as one, the most frequent first; of equally frequent ones the earlier one."""
+    """Merges reasons with the same text, the most frequent first; if equally frequent, the earlier first."""
     groups: dict[str, list[Reason]] = {}
     for reason in reasons:
         groups.setdefault(reason.what, []).append(reason)
@@ -70,10 +70,10 @@ def merge(reasons: Iterable[Reason]) -> list[Reason]:
 
 
 def to_json(reasons: Sequence[Reason]) -> list[dict[str, Any]]:
-    """For done.json."""
+    """Reasons as plain data for done.json."""
     return [asdict(reason) for reason in reasons]
 
 
 def from_json(saved: Sequence[Mapping[str, Any]]) -> list[Reason]:
-    """From done.json."""
+    """Reasons from the plain data of done.json."""
     return [Reason(**reason) for reason in saved]

@@ -1,5 +1,4 @@
-"""Syntax tree to meaning: names, dimensions, constants and families are settled here, and every mistake
-told."""
+"""Syntax tree => meaning: resolves names, dimensions, constants and families, and reports every mistake."""
 
 import math
 from collections.abc import Mapping
@@ -47,7 +46,7 @@ _OF_SCALARS = {"abs": "absolute"} | {
     name: name
     for name in ("sqrt", "exp", "sin", "cos", "tan", "asin", "acos", "atan2", "wrap", "log", "mod", "floor", "sign")
 }
-MAX_CALLS = 1000  # of functions that the text defines, each with arguments of its own
+MAX_CALLS = 1000  # calls of functions that the text defines, with different arguments
 MAX_DEPTH = 150  # of operators in the bodies of functions that call each other
 _ARITHMETIC = {"+": "add", "-": "subtract", "*": "multiply", "/": "divide", "**": "power"}
 
@@ -76,15 +75,14 @@ Scope = Mapping[str, str | Bound]
 def resolve(
     source: Source, document: syntax.Document, overrides: Mapping[str, object] | None, period: float | None = None
 ) -> Meaning:
-    """Settle every name.
+    """The meaning of a spec, with every name resolved.
 
-    Where a bound is in seconds and no period is known, all is settled but the windows: such a meaning is read, and
-    not evaluated.
+    If a bound is in seconds and no period is known, windows stay unresolved, and the meaning cannot be evaluated.
 
     Args:
-      source, document: of the spec.
-      overrides: of its constants.
-      period: between two samples, s.
+      source, document: the spec's text and syntax tree.
+      overrides: values in place of the spec's own constants.
+      period: time between two samples, s.
 
     Raises:
       SpecError: at the first thing that has no meaning.
@@ -96,10 +94,10 @@ def resolve(
 def _with_computed(
     source: Source, document: syntax.Document, overrides: Mapping[str, object] | None
 ) -> syntax.Document:
-    """The document with the numbers of constants that it gives by expressions.
+    """The document with numbers in place of constants' expressions.
 
     Raises:
-      SpecError: if an expression is not one of constants alone.
+      SpecError: if an expression uses anything but constants.
     """
     constants = {(d.name, d.label): d for d in document.declarations if isinstance(d, syntax.Constant)}
     trees = {key: d.value for key, d in constants.items() if isinstance(d.value, Node)}

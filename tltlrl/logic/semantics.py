@@ -1,13 +1,13 @@
 """Robustness of a graph on batches of trajectories of one length.
 
 Arrays are (trajectories, steps). Each node is computed only at the steps that the wanted values depend on: a root
-F or G is one reduction, `F G p` is p at the last sample, a bounded formula looks at its horizon. What is wanted where
-depends on the length alone, so there is one plan for each length; and a program, whose operations are bound to their
-arrays, for each number of trajectories: running one costs little more than its NumPy calls.
+F or G is one reduction, `F G p` is p at the last sample, a bounded formula looks at its horizon. Which values are
+needed depends only on the length, so there is one plan per length. A program binds the operations of a plan to arrays,
+for one number of trajectories. Running a program costs little more than its NumPy calls.
 
-Time is linear in trajectories, steps and nodes; it does not grow with the width of a window beyond a constant factor.
-Only a left operand of U or T that holds temporal operators is evaluated once for each possible end of its slice,
-which costs steps^2 (and once more that factor for such an operand inside such an operand).
+Time is linear in trajectories, steps and nodes. The width of a window changes it by a constant factor at most. The
+exception is a left operand of U or T that holds temporal operators: it is evaluated once for each possible end of its
+slice, which costs steps^2 (and another factor of steps for every such operand nested in it).
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -45,7 +45,7 @@ _EMPTY = {
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """A plan for a certain number of trajectories: every array exists, every operation knows its own."""
+    """A plan for one number of trajectories: all arrays are allocated, and every operation is bound to its own."""
 
     inputs: tuple[tuple[tuple[str, int | None], Steps, Array], ...]
     operations: tuple[tuple[int, Operation], ...]
@@ -68,7 +68,7 @@ class Program:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """How to compute some nodes on trajectories of one length: nodes in order, and what to forget when."""
+    """How to compute some nodes on trajectories of one length: the order of nodes, and when arrays are free again."""
 
     graph: Graph
     end: int

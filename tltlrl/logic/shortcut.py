@@ -1,10 +1,9 @@
-"""An equal but cheaper graph for the value at the first sample alone.
+"""A cheaper graph for the value at the first sample, with the same value to the last bit.
 
-There a G or F is one reduction over time, and reductions may change places with monotone operations: G (p &
-q) is G p & G q, the minimum of distance - radius over time is the smallest distance - radius, and the
-smallest distance is the root of the smallest squared one. `G (g => X G !g)`, visit g once, is the min over
-pairs of samples of the larger of two values of !g, and so its second smallest value over time. Rounding is
-monotone too, so the values are the same to the last bit.
+At the first sample a G or F is one reduction over time. Reductions commute with monotone operations: G (p & q) is
+G p & G q, and the minimum of distance - radius is the smallest distance - radius, which is the root of the smallest
+squared distance - radius. `G (g => X G !g)` (visit g once) is the minimum over pairs of samples of the larger of two
+values of !g. That is the second smallest value of !g over time. Rounding is monotone too, so no bit changes.
 """
 
 from tltlrl.logic.graph import Graph

@@ -30,29 +30,29 @@ from tltlrl.logic.resolve import resolve
 from tltlrl.logic.semantics import Plan, Signals, plan
 from tltlrl.logic.traps import Trap, traps
 
-# Values of one block of trajectories: small enough that the arrays of a formula stay in a core's cache.
+# Numbers in one block of trajectories: so few that the arrays of a formula stay in a core's cache.
 BLOCK = 32_768
 
 
 def parse_spec(
     text: str, constants: Mapping[str, object] | None = None, name: str = "<spec>", period: float | None = None
 ) -> "Spec":
-    """A spec from its text.
+    """Parses a spec from its text.
 
     Args:
       text: declarations and the formula; docs/spec-language.md describes the language.
       constants: values in place of the text's own.
-      name: stands for the text in messages.
-      period: between two samples, s; needed where bounds are in seconds and the text does not say it.
+      name: name of the text in messages.
+      period: time between two samples, s; needed if bounds are in seconds and the text does not say it.
 
     Raises:
-      SpecError: if something in it is wrong.
+      SpecError: if the spec has a mistake.
     """
     return Spec(text, constants, name, period=period)
 
 
 def is_signal_name(name: str) -> bool:
-    """Whether a spec can speak of a signal of that name: one word, which means nothing else in the language."""
+    """Whether a signal can have this name in a spec: one word that means nothing else in the language."""
     if not name.isidentifier():
         return False
     try:
@@ -63,16 +63,16 @@ def is_signal_name(name: str) -> bool:
 
 
 def load_spec(path: str | Path, constants: Mapping[str, object] | None = None, period: float | None = None) -> "Spec":
-    """A spec from a UTF-8 file.
+    """Parses a spec from a UTF-8 file.
 
     Args:
-      path: of the file.
+      path: path of the file.
       constants: values in place of the file's own.
-      period: between two samples, s, as for `parse_spec`.
+      period: time between two samples, s, as for `parse_spec`.
 
     Raises:
-      SpecError: if something in it is wrong.
-      OSError: if there is no such file.
+      SpecError: if the spec has a mistake.
+      OSError: if the file cannot be read.
     """
     data = Path(path).read_bytes()
     try:
@@ -88,16 +88,14 @@ def load_spec(path: str | Path, constants: Mapping[str, object] | None = None, p
 
 
 class Spec:
-    """A TLTL formula over named signals. Immutable; equal when formula, declarations and constants are.
+    """A TLTL formula over named signals. Immutable; equal if formula, declarations and constants are equal.
 
-    Signals are passed as a mapping from name to an array of N trajectories with T samples: (N, T) for a
-    scalar signal, (N, T, d) for a vector of dimension d. `lengths`, (N,) whole numbers from 1 to T, says
-    how many leading samples of each trajectory count; what follows them is never looked at. Other entries
-    of the mapping are ignored.
+    Signals are passed as a mapping from name to an array of N trajectories with T samples: (N, T) for a scalar signal,
+    (N, T, d) for a vector of dimension d. Other entries of the mapping are ignored. `lengths`, (N,) whole numbers from
+    1 to T, says how many leading samples of each trajectory count; later samples are never read.
 
-    Every evaluation raises TraceError for a signal that is missing, misshapen, not finite, or empty, and
-    where an expression of the spec has no finite value (division by zero, root of a negative number,
-    overflow).
+    Every evaluation raises TraceError if a signal is missing, has a wrong shape, is not finite or is empty, or if an
+    expression of the spec has no finite value (division by zero, root of a negative number, overflow).
     """
 
     def __init__(
@@ -119,7 +117,7 @@ class Spec:
         return Spec, (self.text, self._meaning.constants, self._source.name, self.path, self.period)
 
     def __str__(self) -> str:
-        """The spec with its effective constants; parses back to an equal spec."""
+        """The text of the spec with its effective constants; it parses back to an equal spec."""
         return str(self._meaning.document)
 
     def __repr__(self) -> str:
@@ -133,12 +131,12 @@ class Spec:
 
     @property
     def formula(self) -> str:
-        """The formula, as read, without the declarations."""
+        """The formula as it was read, without the declarations."""
         return str(self._meaning.document.formula)
 
     @property
     def signals(self) -> Mapping[str, int | None]:
-        """The signals it needs: dimension of a vector, None for a scalar."""
+        """The signals that the spec needs: name => dimension of a vector, None for a scalar."""
         return MappingProxyType(self._meaning.signals)
 
     @property
@@ -148,7 +146,7 @@ class Spec:
 
     @property
     def constants(self) -> Mapping[str, Value | dict[str, Value]]:
-        """Effective constants: float, tuple of floats for a vector, dict from label to these for a family."""
+        """Name => effective value: a float, a tuple of floats for a vector, a dict label => value for a family."""
         return MappingProxyType(self._meaning.constants)
 
     @property
@@ -158,19 +156,19 @@ class Spec:
 
     @property
     def period(self) -> float | None:
-        """The time between two samples, s; None if nobody said it."""
+        """The time between two samples, s; None if neither the text nor the caller says it."""
         return self._meaning.period
 
     @property
     def counts_seconds(self) -> bool:
-        """Whether it says a period, or has a bound in seconds: then it goes with trajectories of one period only."""
+        """Whether the spec has a period or a bound in seconds; then it fits trajectories of one period only."""
         return self._meaning.timed is not None or self.period is not None
 
     def sampled(self, period: float) -> "Spec":
-        """The same spec for trajectories whose samples are `period` seconds apart; where it counts no seconds, itself.
+        """The same spec for trajectories with `period` seconds between samples; itself if it counts no seconds.
 
         Raises:
-          SpecError: if the text says another period, or a bound in seconds is no whole number of samples.
+          SpecError: if the text says another period, or a bound in seconds is not a whole number of samples.
         """
         if not self.counts_seconds:
             return self
@@ -178,37 +176,35 @@ class Spec:
 
     @property
     def definitions(self) -> Mapping[str, str]:
-        """Named sub-formulas in the order of the text, members of a family one by one: name to formula."""
+        """Name => formula, for the named sub-formulas in the order of the text; each member of a family is one."""
         return MappingProxyType({name: text for name, (_, text) in self._meaning.definitions.items()})
 
     @property
     def traps(self) -> tuple[Trap, ...]:
-        """What the formula says that is easily missed, where trajectories end."""
+        """The traps in the formula: what it says about the ends of trajectories that is easily missed."""
         return traps(self._meaning.document)
 
     @property
     def regions(self) -> tuple[Region, ...]:
-        """The balls and boxes of constant place and size that it speaks of."""
+        """The balls and boxes of constant place and size in the formula."""
         return self._meaning.regions
 
     @property
     def horizon(self) -> int | None:
-        """How many steps beyond the first sample the value can depend on; None when on the whole
-        trajectory.
+        """How many steps after the first sample the value can depend on; None if on the whole trajectory.
 
         Raises:
-          SpecError: if that depends on a sampling period that is not known.
+          SpecError: if it depends on a sampling period that is not known.
         """
         self._check_period()
         return self._meaning.graph.horizon(self._meaning.root)
 
     @property
     def memory(self) -> int | None:
-        """How many samples before the one it is read at the value can depend on; None when on all, 0 without operators
-        of the past.
+        """How many earlier samples the value at a sample can depend on; None if on all, 0 without past operators.
 
         Raises:
-          SpecError: if that depends on a sampling period that is not known.
+          SpecError: if it depends on a sampling period that is not known.
         """
         self._check_period()
         return self._meaning.graph.memory(self._meaning.root)
@@ -232,8 +228,7 @@ class Spec:
         return _Batch(self._meaning, self._source, signals, lengths)
 
     def robustness(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> Array:
-        """The robustness of each whole trajectory, (N,): > 0 satisfied, < 0 violated. In the predicates'
-        own unit."""
+        """The robustness of each whole trajectory, (N,), in the predicates' unit: > 0 satisfied, < 0 violated."""
         batch = self._batch(signals, lengths)
         out = np.empty(batch.count)
         root, start = self._meaning.root, self._meaning.start
@@ -258,8 +253,7 @@ class Spec:
     def definitions_over_time(
         self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None
     ) -> dict[str, Array]:
-        """The robustness of each named sub-formula on each suffix: name to (N, T), as
-        `robustness_over_time`."""
+        """The robustness of each named sub-formula on each suffix: name => (N, T), as in `robustness_over_time`."""
         batch = self._batch(signals, lengths)
         nodes = {name: truth.node for name, (truth, _) in self._meaning.definitions.items()}
         values = self._over_time(batch, tuple(dict.fromkeys(nodes.values())))
@@ -268,7 +262,7 @@ class Spec:
     def normalised(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> "Spec":
         """The same spec with every predicate divided by its spread over these trajectories (tltlrl.logic.normalise).
 
-        Its verdicts are this one's; its values have no unit. It is for `robustness` and `clauses`, to learn from.
+        Verdicts stay the same; values have no unit. Use its `robustness` and `clauses` for learning.
         """
         places = predicates(self._meaning.formula)
         margins = self._over_time(self._batch(signals, lengths), tuple(places))
@@ -281,28 +275,28 @@ class Spec:
     def predicates_over_time(
         self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None
     ) -> dict[str, Array]:
-        """The margin of each predicate of the formula at each sample: text to (N, T), as `robustness_over_time`."""
+        """The margin of each predicate of the formula at each sample: text => (N, T), as in `robustness_over_time`."""
         batch = self._batch(signals, lengths)
         nodes = self._meaning.predicates
         values = self._over_time(batch, tuple(dict.fromkeys(nodes.values())))
         return {text: values[node] for text, node in nodes.items()}
 
     def explain(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> tuple[Explanation, ...]:
-        """What decides each trajectory's value: one Explanation each."""
+        """Explains each trajectory's robustness: which predicate decides it, and at which step."""
         batch = self._batch(signals, lengths)
         named = (truth.node for truth, _ in self._meaning.definitions.values())
         self._over_time(batch, tuple({self._meaning.root, *named}))  # finds expressions without a finite value
         return tuple(explain(self._meaning, self._source.name, batch.single(row)) for row in range(batch.count))
 
     def monitor(self, count: int = 1, period: float | None = None) -> Monitor:
-        """Robustness while trajectories run, one sample after the other; docs/online.md tells how.
+        """A monitor, which gives the robustness while trajectories run, sample by sample (docs/online.md).
 
         Args:
-          count: of trajectories that run side by side.
-          period: between two samples, s; needed where bounds are in seconds and the spec does not say it.
+          count: number of trajectories that run side by side.
+          period: time between two samples, s; needed if bounds are in seconds and the spec does not say it.
 
         Raises:
-          SpecError: if the period is not known, or for an operator that cannot be monitored.
+          SpecError: if the period is not known, or an operator cannot be monitored.
           ValueError: if count is not positive.
         """
         if count < 1:
@@ -315,10 +309,10 @@ class Spec:
         return Monitor(ready, count, self._sample)
 
     def monitors(self) -> dict[str, Monitor]:
-        """A monitor of one trajectory for every top-level clause: text to monitor, as `clauses`.
+        """A monitor of one trajectory for every top-level clause: text => monitor, in the order of `clauses`.
 
         Raises:
-          SpecError: as `monitor`.
+          SpecError: as in `monitor`.
         """
         if self.period is None and self.counts_seconds:
             raise self._without_period(SpecError)
@@ -420,10 +414,10 @@ class Spec:
         return arrays
 
     def check_length(self, signals: Mapping[str, ArrayLike]) -> None:
-        """Whether trajectories of this length can satisfy and violate every part of the formula.
+        """Checks that trajectories of this length can satisfy and can violate every part of the formula.
 
         Args:
-          signals: of any one trajectory of the length, arrays of shape (1, T) or (1, T, d).
+          signals: signals of any trajectory of that length, arrays (1, T) or (1, T, d).
 
         Raises:
           SpecError: at the innermost part whose windows lie beyond the end.
@@ -442,9 +436,9 @@ class Spec:
         )
 
     def clauses(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> dict[str, Array]:
-        """The robustness of each top-level clause on each whole trajectory: text to (N,), in the order of the text.
+        """The robustness of each top-level clause on each whole trajectory: text => (N,), in the order of the text.
 
-        The clauses are the operands of the conjunction that the formula is, or the formula itself: the smallest of
+        Clauses are the operands of the conjunction at the top of the formula, or the formula itself. The smallest of
         their values is the robustness.
         """
         own = clauses_of(self._meaning)
@@ -453,9 +447,9 @@ class Spec:
         return {text: values[clause.node][:, 0] for text, clause in own.items()}
 
     def parts(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> Parts:
-        """What the clauses and the named sub-formulas are worth on each trajectory, and which of them decide.
+        """The values of the clauses and named sub-formulas on each trajectory, and which of them decide.
 
-        Of a formula with temporal operators in the left operand of U or T the way to what decides ends there.
+        If the left operand of a U or T holds temporal operators, the search for what decides ends at that operator.
         """
         meaning, batch = self._meaning, self._batch(signals, lengths)
         named = (truth for truth, _ in meaning.definitions.values())
@@ -465,7 +459,7 @@ class Spec:
 
     @property
     def asks_for(self) -> Mapping[str, tuple[str, ...]]:
-        """Clause to the named sub-formulas in it that are to hold, and not to be kept from holding."""
+        """Clause => the named sub-formulas in it that it asks to hold (and not to fail)."""
         return MappingProxyType(wanted(self._meaning))
 
     def _make_plan(self, roots: tuple[int, ...], end: int, first: bool) -> Plan:
@@ -517,9 +511,8 @@ def _floats(given: ArrayLike) -> Array:
 class _Batch:
     """Checked signals, cut into blocks.
 
-    Trajectories of different length are aligned at their ends, their first samples repeated in front: what stands
-    before a trajectory changes none of its values, for operators look forward, and those of the past are told where
-    it begins (BEGUN).
+    Trajectories of different length are aligned at their ends, with their first samples repeated in front. The padding
+    changes no value: most operators look forward, and operators of the past know where a trajectory begins (BEGUN).
     """
 
     def __init__(

@@ -1,8 +1,7 @@
 """The syntax tree of a spec, as it was written, and its text.
 
-`str(tree)` parses back to an equal tree; equality ignores where in the text a node stood. Numbers and
-formulas share one tree because one grammar reads both (`(x` may begin either); `tltlrl.logic.resolve` tells
-them apart.
+`str(tree)` parses back to an equal tree; equality ignores where in the text a node stood. Numbers and formulas share
+one kind of tree, because `(x` may begin either; `tltlrl.logic.resolve` tells them apart.
 """
 
 from collections.abc import Iterator, Mapping
@@ -165,7 +164,7 @@ class Infinity(Node):
 
 @dataclass(frozen=True, slots=True)
 class Interval(Node):
-    """`[a, b]` in steps or seconds; `[a, b?]` and `[a, b!]` say what a window is worth that the end cuts."""
+    """`[a, b]` in steps or seconds; `[a, b?]` and `[a, b!]` say the value of a window that the end cuts."""
 
     lower: Node
     upper: Node
@@ -289,8 +288,10 @@ class Constant(Node):
 
 @dataclass(frozen=True, slots=True)
 class Definition(Node):
-    """`let d = ...` (a number) or `def p: ...` (a formula); with a variable, a family: `def at[i in r,
-    g]: ...`, with parameters, a function."""
+    """`let d = ...` (a number) or `def p: ...` (a formula).
+
+    With a variable it is a family, `def at[i in r, g]: ...`; with parameters, a function.
+    """
 
     keyword: str
     name: str
@@ -302,7 +303,7 @@ class Definition(Node):
 
 @dataclass(frozen=True, slots=True)
 class Period(Node):
-    """`period 0.05 s`: between two samples."""
+    """`period 0.05 s`: the time between two samples."""
 
     seconds: float
 
@@ -312,8 +313,7 @@ Declaration = Signal | Constant | Definition | Period
 
 @dataclass(frozen=True, slots=True)
 class Document(Node):
-    """Declarations in the order written, and the formula that is the spec; a bare one declares nothing but its
-    period."""
+    """Declarations in the order written, and the spec's formula. A bare document declares at most its period."""
 
     declarations: tuple[Declaration, ...]
     formula: Node
@@ -344,8 +344,7 @@ def children(node: Node) -> tuple[Node, ...]:
 
 
 def walk(tree: Node) -> Iterator[tuple[Node, int]]:
-    """Every node with the number of those around it, parents first. Iterative: a text may nest deeper than Python's
-    stack."""
+    """Every node with its depth, parents first. It uses no recursion: a text may nest deeper than Python's stack."""
     stack = [(tree, 0)]
     while stack:
         node, depth = stack.pop()
@@ -354,12 +353,12 @@ def walk(tree: Node) -> Iterator[tuple[Node, int]]:
 
 
 def depth(tree: Node) -> int:
-    """How many nodes of a tree stand in each other at most."""
+    """The depth of a tree: how many nodes are nested in each other at most."""
     return max(depth for _, depth in walk(tree))
 
 
 def replaced(tree: Node, names: Mapping[str, Node], labels: Mapping[str, str]) -> Node:
-    """A tree with other trees in the place of names, and other labels in that of labels."""
+    """A tree with names replaced by trees, and labels by other labels."""
 
     def of(part: object) -> object:
         if isinstance(part, tuple):
@@ -402,8 +401,10 @@ def value_text(value: float | tuple[float, ...]) -> str:
 
 
 def text(node: Node) -> str:
-    """Text that parses back to an equal tree, with no parentheses but those that are needed, or that tell a reader how
-    two different ones of U, R, W and T are joined."""
+    """The text of a tree, which parses back to an equal tree.
+
+    It has only the parentheses that are needed, or that show a reader how different ones of U, R, W and T are joined.
+    """
     return _write(node)[0]
 
 

@@ -1,4 +1,4 @@
-"""The robustness of whole trajectories as rewards of their steps."""
+"""Divides the robustness of whole trajectories into rewards per step."""
 
 from collections.abc import Mapping
 
@@ -21,13 +21,13 @@ def telescope(
     Args:
       spec: of the robustness.
       signals, lengths: as for `Spec.robustness`.
-      phi: what a trajectory that goes on is worth.
+      phi: the potential of a trajectory that still runs.
 
     Returns:
       (N, T), 0 from a trajectory's length on.
 
     Raises:
-      TraceError: as `Spec.robustness`.
+      TraceError: as in `Spec.robustness`.
     """
     last = finite(spec.robustness(signals, lengths))
     arrays = {name: np.asarray(signals[name], dtype=np.float64) for name in spec.signals}

@@ -1,4 +1,4 @@
-"""Recorded trajectories: from a CSV or NPZ file to the signals of a spec."""
+"""Reads recorded trajectories from CSV or NPZ files, as the signals of a spec."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from tltlrl.errors import UserError, nearest, printable
 
 Array = NDArray[np.float64]
-TIMES = {"time", "t", "time_s", "time [s]"}  # names of a column of times in seconds, in any case
-UNEVEN = 0.5  # of the usual step: what a step may be longer or shorter, since clocks round
-JITTER = 0.01  # of a step: how far a time may be from where even steps lead
+TIMES = {"time", "t", "time_s", "time [s]"}  # names of a column of times in seconds, in lower case or capitals
+UNEVEN = 0.5  # share of the usual step by which a step may differ, because clocks round
+JITTER = 0.01  # share of a step by which a time may differ from evenly spaced times
 
 
 def columns(name: str, dimension: int | None) -> list[str]:
@@ -29,7 +29,7 @@ def columns(name: str, dimension: int | None) -> list[str]:
 
 
 def spellings(name: str, dimension: int | None) -> list[tuple[str, ...]]:
-    """How a trace may call each of a signal's columns: ee.x or ee[0]; where there is neither, ee_x or ee_0."""
+    """The allowed names of each of a signal's columns: ee.x or ee[0], or if there is neither, ee_x or ee_0."""
     flat = re.sub(r"[\[\].]+", "_", name).strip("_")
     if dimension is None:
         return [(name, name, flat)]
@@ -40,10 +40,10 @@ def spellings(name: str, dimension: int | None) -> list[tuple[str, ...]]:
 
 
 def write_recording(path: str | Path, signals: Mapping[str, Array], period: float) -> None:
-    """Writes one trajectory as `read_recording` reads it, every digit of it.
+    """Writes one trajectory to a CSV file for `read_recording`, with every digit.
 
     Args:
-      path: of the CSV file.
+      path: path of the CSV file.
       signals: name => (T,) for a scalar, (T, d) for a vector.
       period: between two samples, s.
 
@@ -71,11 +71,11 @@ class Recording:
     """One recorded trajectory, as text.
 
     Attributes:
-      path: of the file.
-      top: the line of the header.
+      path: path of the file.
+      top: line number of the header.
       header: the columns' names.
       samples: line and cells of each row.
-      has_commas: whether numbers may have decimal commas, since something else parts the columns.
+      has_commas: whether numbers may have decimal commas, because columns are separated by something else.
     """
 
     path: str | Path
@@ -102,7 +102,7 @@ class Recording:
           name => (1, T) for a scalar, (1, T, d) for a vector.
 
         Raises:
-          UserError: with the line and column of what has to be mended.
+          UserError: if a column is missing or a cell is wrong; it names line and column.
         """
         given = _checked(wanted, given, "columns")
         trace: dict[str, Array] = {}
@@ -113,12 +113,12 @@ class Recording:
         return trace
 
     def period(self) -> float | None:
-        """The time between two samples, s, by the column `time` or `t`; None if there is none, or only one sample.
+        """The time between two samples, s, from the column `time` or `t`; None without one, or with only one sample.
 
-        Clocks round and jitter: it is the roundest number that all times agree with, else the mean step.
+        Clocks round and jitter, so it is the roundest number that fits all times, or else the mean step.
 
         Raises:
-          UserError: with the line where time does not go on evenly.
+          UserError: if times are not evenly spaced; it names the line.
         """
         name = next((name for name in self.header if name.lower() in TIMES), None)
         if name is None:
@@ -182,7 +182,7 @@ class Arrays:
         return trace
 
     def period(self) -> float | None:
-        """The time between two samples, s, by the array `time` or `t`, as `Recording.period`."""
+        """The time between two samples, s, from the array `time` or `t`, as in `Recording.period`."""
         name = next((name for name in self.arrays if name.lower() in TIMES), None)
         if name is None:
             return None
@@ -264,10 +264,10 @@ def _period(name: str, times: Array, digit: float, places: Sequence[str]) -> flo
 
 
 def read_arrays(path: str | Path) -> Arrays:
-    """One trajectory, from an NPZ file with an array for each signal.
+    """Reads one trajectory from an NPZ file with one array per signal.
 
     Raises:
-      UserError: if it holds no arrays of numbers.
+      UserError: if the file holds no arrays of numbers.
     """
     from zipfile import BadZipFile  # only for such files: the command should start fast
 
@@ -281,14 +281,13 @@ def read_arrays(path: str | Path) -> Arrays:
 
 
 def read_recording(path: str | Path) -> Recording | Arrays:
-    """One trajectory, from an NPZ file, or from a text with one row per sample and named columns.
+    """Reads one trajectory from an NPZ file, or from a text with one row per sample and named columns.
 
-    Columns are parted by commas, or by semicolons or tabs as in the header; then numbers may have decimal commas.
-    Empty lines and lines that begin with # are left out; the header may be such a line, the last one before the
-    numbers.
+    Commas separate columns. If semicolons or tabs do so in the header, numbers may have decimal commas. Empty lines and
+    lines that begin with # are skipped, but the last such line before the numbers may be the header.
 
     Raises:
-      UserError: if it holds no table.
+      UserError: if the file holds no table.
     """
     try:
         if Path(path).suffix.lower() == ".npz":
@@ -321,7 +320,7 @@ def read_recording(path: str | Path) -> Recording | Arrays:
 
 
 def _delimiter(lines: Sequence[str]) -> str:
-    """What parts the columns: what stands in the first line that is no comment, or in a header that is one."""
+    """The sign that separates columns, from the first line that is no comment, or from a header in a comment."""
     header = next((line for line in lines if line.strip() and not line.lstrip().startswith("#")), "")
     return next(
         (mark for mark in ("\t", ";") if mark in header and (mark == "\t" or "," not in header.split(mark)[0])), ","

@@ -1,6 +1,6 @@
-"""Traps of finite trajectories: formulas that are well-formed and say something else than most writers mean.
+"""Traps of finite trajectories: formulas that are well-formed but do not say what most writers mean.
 
-docs/spec-language.md, section Traps, has one line for each.
+The section Traps of docs/spec-language.md has one line for each.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from tltlrl.logic import syntax
 from tltlrl.logic.graph import Array
 from tltlrl.logic.syntax import Node
 
-UNEQUAL = 10.0  # how often the largest margin of one predicate may be that of another
+UNEQUAL = 10.0  # largest ratio of two predicates' largest margins
 
 
 @dataclass(frozen=True, slots=True)
 class Trap:
-    """What a formula says that is easily missed.
+    """A trap: something that a formula says and that is easily missed.
 
     Attributes:
-      line, column: where it stands.
-      text: what it says, and what to write if something else is meant.
+      line, column: its place in the text.
+      text: what the formula says, and what to write if something else is meant.
     """
 
     line: int
@@ -58,7 +58,7 @@ class _Place:
 
 
 def traps(document: syntax.Document) -> tuple[Trap, ...]:
-    """Those of a spec's text, in its order."""
+    """The traps in a spec, in the order of its text."""
     definitions = {d.name: d.body for d in document.declarations if isinstance(d, syntax.Definition)}
     found: dict[tuple[int, int, str], None] = {}
     seen: set[tuple[int, _Place]] = set()
@@ -164,10 +164,10 @@ def _short(node: Node) -> str:
 
 
 def unequal_scales(margins: Mapping[str, Array]) -> str | None:
-    """What to say of predicates one of which can decide alone, because its numbers are so much smaller.
+    """A warning if one predicate's margins are so much smaller that it decides alone; otherwise None.
 
     Args:
-      margins: each predicate's along one trajectory, (T,).
+      margins: each predicate => its margins along one trajectory, (T,).
     """
     largest = {text: float(np.max(np.abs(values))) for text, values in margins.items()}
     largest = {text: value for text, value in largest.items() if 0 < value < np.inf}

@@ -1,10 +1,10 @@
-"""The bounds of a window in steps, from numbers of steps or of seconds."""
+"""Converts the bounds of a window to steps, from steps or seconds."""
 
 import math
 
 from tltlrl.logic.syntax import number_text
 
-ROUNDING = 1e-9  # of a bound that is computed, relative: 0.7 / 0.1 is 6.999999999999999
+ROUNDING = 1e-9  # relative, of a computed bound: 0.7 / 0.1 is 6.999999999999999
 
 
 def whole_number(value: float) -> int | None:
@@ -14,10 +14,10 @@ def whole_number(value: float) -> int | None:
 
 
 def steps_of(value: float) -> int:
-    """A bound given in steps.
+    """A bound given in steps, as a whole number.
 
     Raises:
-      ValueError: if it is no whole number from 0 on; what to write.
+      ValueError: if it is not a whole number from 0 on; it says what to write.
     """
     whole = whole_number(value)
     if whole is None or whole < 0:
@@ -29,12 +29,12 @@ def steps_of(value: float) -> int:
 
 
 def samples_in(seconds: float, period: float | None) -> int:
-    """A bound given in seconds, in steps of `period` (s).
+    """A bound given in seconds, converted to steps of `period` (s).
 
-    Where no period is known the number only orders bounds: such a meaning is read, and not evaluated.
+    If no period is known, the number only serves to order bounds, and the spec cannot be evaluated.
 
     Raises:
-      ValueError: if it is negative, or no whole number of samples; what to write.
+      ValueError: if it is negative, or not a whole number of samples; it says what to write.
     """
     if seconds < 0:
         raise ValueError(f"the bound is {seconds:.12g} s; expected 0 s or more; time runs forwards")

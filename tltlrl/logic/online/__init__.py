@@ -1,4 +1,4 @@
-"""Trajectories that still run, sample by sample: robustness, bounds, what decides, potentials (docs/online.md).
+"""Follows trajectories that still run, sample by sample: robustness, bounds, explanations, potentials (docs/online.md).
 
 Nothing here knows a spec; `tltlrl.logic.spec` makes a monitor from its formula.
 """

@@ -1,13 +1,14 @@
 """A term as a max-min automaton: one number per state, and the robustness of every prefix.
 
-Every formula is what it asks of this sample and of the next:
+Every formula can be written by what it asks of this sample and of the next:
 
     G f = f & X G f        F f = f | X[!] F f        p U q = q | p & X[!] (p U q)        p R q = q & (p | X (p R q))
 
 Multiplied out, a formula is a maximum of branches, each a minimum of a guard (literals at this sample) and of
 obligations for the next. A state is a set of obligations; alpha_t(S') is the maximum over the branches S -> S' of
-min(alpha_{t-1}(S), guard_t). Only laws of a distributive lattice are used (and not that p | !p holds), so what
-alpha says of the states without strong obligations, in which a trajectory may end, is the robustness itself.
+min(alpha_{t-1}(S), guard_t). A trajectory may end in the states without
+strong obligations; the maximum of alpha over them is the robustness. It is exact, because only laws of a distributive
+lattice are used (and not that p | !p holds).
 """
 
 from collections.abc import Iterable, Set
@@ -33,7 +34,7 @@ class Automaton:
     """States are numbered; a trajectory starts in state 0.
 
     Attributes:
-      states: what has to hold of the next sample, in each.
+      states: the obligations for the next sample in each state.
       transitions: (from, guard, to).
     """
 
@@ -74,7 +75,7 @@ class Automaton:
 
 @dataclass(slots=True)
 class Progress:
-    """What the terms of a spec ask of one sample and of the next."""
+    """Computes what the terms of a spec ask of one sample and of the next."""
 
     terms: Terms
     _branches: dict[int, tuple[Branch, ...]] = field(default_factory=dict)

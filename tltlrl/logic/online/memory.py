@@ -1,4 +1,4 @@
-"""Operators of the past, one sample after the other: what each has to remember, and nothing more."""
+"""Evaluates operators of the past sample by sample, and remembers only what each of them needs."""
 
 from collections import deque
 from collections.abc import Callable, Iterable
@@ -13,7 +13,7 @@ _BEFORE = {"historically": np.inf, "once": -np.inf, "since": -np.inf}
 
 
 class NotFiniteError(Exception):
-    """A node without a finite value, and the first trajectory where that is so."""
+    """A node has no finite value; it holds the node and the first trajectory where that is so."""
 
     def __init__(self, node: int, row: int) -> None:
         super().__init__(node, row)
@@ -21,11 +21,11 @@ class NotFiniteError(Exception):
 
 
 class Memory:
-    """What the nodes of a graph remember that look back.
+    """The memory of a graph's nodes that look back.
 
     Attributes:
-      count: of trajectories.
-      layout: of the nodes that do not look back.
+      count: number of trajectories.
+      layout: layout of the nodes that do not look back.
       rows: the row of each node in the values.
     """
 
@@ -39,11 +39,11 @@ class Memory:
         needed = {*roots, *(arg for node in self._nodes for arg in graph.ops[node].args)}
         self.layout = layout_of(node for node in needed if not graph.looks_back[node])
         self.rows = {**self.layout.rows, **{node: i for i, node in enumerate(self._nodes, len(self.layout.rows))}}
-        # Of each operator of the past, the values that it may ask for again: the oldest first.
+        # For each operator of the past, the values that it may need again, the oldest first.
         self._kept: dict[int, deque[Array]] = {node: deque(maxlen=_length(graph.ops[node])) for node in self._nodes}
 
     def values(self, present: Array) -> Array:
-        """The values at one more sample, (rows, N), from those of the layout's. Nothing is remembered yet.
+        """The values of all nodes at the next sample, (rows, N), from the layout's values; it remembers nothing yet.
 
         Raises:
           NotFiniteError: where arithmetic has no finite value.
@@ -67,7 +67,7 @@ class Memory:
         return values
 
     def remember(self, values: Array) -> None:
-        """These were the values at the last sample."""
+        """Remembers the values at the last sample."""
         for node, kept in self._kept.items():
             op = self._graph.ops[node]
             if op.name in PAST:
@@ -75,13 +75,13 @@ class Memory:
                 kept.append(values[self.rows[node if accumulates else op.args[0]]].copy())
 
     def keep(self, rows: NDArray[np.intp]) -> None:
-        """Remember only these of the trajectories."""
+        """Keeps the memory of these trajectories only."""
         self.count = len(rows)
         for kept in self._kept.values():
             kept.extend([kept.popleft()[rows] for _ in range(len(kept))])
 
     def state(self) -> list[Array]:
-        """All of it, a list of (N,) of fixed length; NaN where nothing was yet."""
+        """The whole memory, a list of (N,) of fixed length; NaN where there was no sample yet."""
         parts = []
         for node, kept in self._kept.items():
             if self._graph.ops[node].name in PAST:

@@ -1,6 +1,6 @@
-"""Robustness while a trajectory runs: exact at every sample, with bounds of what can still become of it.
+"""Robustness while a trajectory runs: exact at every sample, with bounds on the final value.
 
-docs/online.md tells how, with the proof.
+docs/online.md describes the method and its proof.
 """
 
 from collections.abc import Callable, Mapping
@@ -24,11 +24,11 @@ class Reading(NamedTuple):
     """What is known of N trajectories after a sample.
 
     Attributes:
-      robustness: (N,), if they ended now.
-      lower, upper: (N,), which the robustness stays between, however they go on.
-      decided: (N,), whether these two agree.
-      state: (N, M). With it and the samples that follow, nothing else is needed to know all later readings. It may
-        hold infinities. None where the whole past is kept, see `Monitor.keeps_past`.
+      robustness: (N,), the robustness if they ended now.
+      lower, upper: (N,), bounds on the robustness, however they go on.
+      decided: (N,), whether the two bounds are equal.
+      state: (N, M), all that later readings depend on, apart from later samples. It may hold infinities. None where
+        the whole past is kept; see `Monitor.keeps_past`.
     """
 
     robustness: Array
@@ -42,23 +42,23 @@ class Monitor:
     """Robustness of `count` trajectories that run side by side; see `Spec.monitor`.
 
     Attributes:
-      count: of trajectories.
+      count: number of trajectories.
       steps: samples read so far.
-      pursuits: of its clauses.
-      literals: their values at the last sample, (1 + literals, N).
+      pursuits: what follows each part of the spec.
+      literals: values of the literals at the last sample, (1 + literals, N).
     """
 
     def __init__(self, spec: Compiled, count: int, sample: Sampler) -> None:
         self.count, self._spec, self._sample = count, spec, sample
         self.restart()
-        # What every step asks for.
+        # Values that every step needs.
         self._rows = np.array([self._memory.rows[node] for node, _ in spec.values], np.intp)
         self._signs = np.array([[1.0 if sign else -1.0] for _, sign in spec.values])
         self._clocks = list(enumerate(spec.clocks.values(), start=1 + len(spec.atoms)))
         self._grows = self.keeps_past
 
     def restart(self) -> None:
-        """Forget all samples; the next one is the first of new trajectories."""
+        """Forgets all samples; the next one is the first of new trajectories."""
         self.steps = 0
         spec, slow = self._spec, [clause for clause in self._spec.clauses if clause.is_slow]
         self.literals = np.empty((0, self.count))
@@ -71,12 +71,12 @@ class Monitor:
 
     @property
     def reads_whole(self) -> bool:
-        """Whether a part of the spec is evaluated on all samples each time, and has no bounds."""
+        """Whether a part of the spec is evaluated anew on all samples at every step, and has no bounds."""
         return bool(self._spec.others)
 
     @property
     def keeps_past(self) -> bool:
-        """Whether all samples are kept, and a reading takes longer the longer the trajectories are: exact, too."""
+        """Whether all samples are kept: readings are exact all the same, but take longer as trajectories grow."""
         return self.reads_whole or any(clause.automaton is None for clause in self._spec.clauses)
 
     def atom_rows(self) -> dict[int, int]:
@@ -88,7 +88,7 @@ class Monitor:
         return self._spec.atoms[literal]
 
     def keep(self, rows: Indices) -> None:
-        """Follow only these of the trajectories from now on, in this order."""
+        """Follows only these trajectories from now on, in this order."""
         self.count = len(rows)
         self.literals = self.literals[:, rows]
         self._memory.keep(rows)
@@ -97,13 +97,13 @@ class Monitor:
             part.keep(rows)
 
     def update(self, signals: Mapping[str, ArrayLike]) -> Reading:
-        """One more sample.
+        """Reads one more sample.
 
         Args:
-          signals: name => (N,) for a scalar, (N, d) for a vector; of a single trajectory also a number, (d,).
+          signals: name => (N,) for a scalar, (N, d) for a vector; for one trajectory also a number or (d,).
 
         Raises:
-          TraceError: as `Spec.robustness`; the sample then counts as not read.
+          TraceError: as in `Spec.robustness`. The sample then counts as not read.
         """
         block, values = self._sample(self._sheet, self._memory, signals, self.steps)
         whole = [one.update(block) for one in self._whole]

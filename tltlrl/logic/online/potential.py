@@ -1,21 +1,21 @@
 """Potentials of running trajectories whose last value is the robustness, for rewards at every step.
 
-r_t = Phi_t - Phi_{t-1} sums to Phi_{T-1}, whatever Phi is in between: no policy becomes better or worse by it. Phi has
-to be finite (here infinities count as -FLOOR and FLOOR), and robustness-if-it-ended-now is a poor one: -inf as long as
-anything strong is owed, and nothing to say of a second goal before the first. Two that are better, for two kinds of
-learners:
+The rewards r_t = Phi_t - Phi_{t-1} sum to Phi_{T-1}, whatever Phi is in between, so they make no policy better or
+worse. Phi has to be finite; here infinities count as -FLOOR and FLOOR. The robustness of the trajectory so far would be
+a poor potential: it is -inf as long as a strong obligation is open, and shows nothing of a second goal before the
+first. Two potentials are better, each for a kind of learner.
 
-`stages` says how far a trajectory has come. Of each conjunct,
+`stages` measures how far a trajectory has come. For each conjunct,
 
     Phi_t = rho_t + sum over d >= 1 of min(0, best_t(d)),  best_t(d) = max of alpha_t over states at most d from the end
 
-where a state's distance from the end is the fewest guards that have still to be passed. As a goal comes nearer, the
-stage behind it grows, and it is 0 when the goal is reached; nothing drops when an automaton goes on to the next goal,
-for alpha keeps the best of the past. It tells a learner at every step where to go.
+where a state's distance from the end is the fewest guards on a way there. As the trajectory nears a goal, the value of
+the stage behind it grows, up to 0 at the goal. It does not drop when the automaton turns to the next goal, because
+alpha keeps the best of the past. So it rewards a learner at every step for progress.
 
-`hope` is min(0, upper bound): 0 as long as the spec can still be satisfied. It falls at the step that spoils this, and
-by how much. The return from step t on, which is the robustness less what was spoilt before, has little noise for a
-learner that weighs whole returns, as step-based REPS does. docs/online.md shows what was measured.
+`hope` is min(0, upper bound): 0 as long as the spec can still be satisfied. It falls at the step that
+spoils this, by as much as is lost. The reward-to-go from step t is the robustness less what was lost before. It has
+little noise, which suits learners that weigh rewards-to-go, such as step-based REPS. docs/online.md has measurements.
 """
 
 from collections.abc import Callable
@@ -32,16 +32,16 @@ Potential = Callable[[Monitor, Reading], Array]
 
 
 def hope(_: Monitor, reading: Reading) -> Array:
-    """By how much the trajectories' robustness will at least be below 0, (N,); 0 if it need not be."""
+    """The potential min(0, upper bound of the robustness), (N,); 0 while the spec can still be satisfied."""
     return finite(np.minimum(reading.upper, 0.0))
 
 
 def stages(monitor: Monitor, reading: Reading) -> Array:
-    """How far the trajectories have come, (N,).
+    """The potential of how far the trajectories have come, (N,).
 
     Args:
-      monitor: after its last update.
-      reading: of that update.
+      monitor: the monitor after its last update.
+      reading: the result of that update.
     """
     phi = finite(reading.robustness)
     for pursuit in monitor.pursuits:
@@ -53,5 +53,5 @@ def stages(monitor: Monitor, reading: Reading) -> Array:
 
 
 def finite(values: Array) -> Array:
-    """The values, an infinite one as -FLOOR or FLOOR."""
+    """The values, with -FLOOR and FLOOR in place of infinities."""
     return np.where(np.isinf(values), np.copysign(FLOOR, values), values)  # a tenth of the time of nan_to_num

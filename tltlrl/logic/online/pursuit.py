@@ -1,8 +1,8 @@
-"""The conjuncts of a spec while trajectories run: their automata step together, on one array (`together`).
+"""Follows the conjuncts of a spec while trajectories run; their automata step together, on one array (`together`).
 
-Where a conjunct's automaton would be too large, because of a long window inside an unbounded operator, it runs as many
-steps late as the window is long, and the samples since then are evaluated as a slice (`slices`). Where that
-does not help, the whole past is kept: just as exact, and slower the longer it runs.
+A long window inside an unbounded operator can make the automaton of a conjunct too large. Then the automaton runs as
+many steps late as the window is long, and the samples since then are evaluated as a slice (`slices`). Where that does
+not help, the whole past is kept. This is exact too, but gets slower with time.
 """
 
 from collections.abc import Iterable, Mapping

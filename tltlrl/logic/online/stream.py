@@ -1,4 +1,4 @@
-"""Samples from lines of text as they come: CSV with a header, or one JSON object per line."""
+"""Reads samples from lines of text as they arrive: CSV with a header, or one JSON object per line."""
 
 import csv
 import json
@@ -12,15 +12,15 @@ Sample = dict[str, float | list[float]]
 
 
 def samples(lines: Iterable[str], wanted: Mapping[str, int | None], name: str) -> Iterator[Sample | UserError]:
-    """One sample per line that holds one; for a line that does not, what is wrong with it.
+    """Yields the sample of each line, or a UserError for a line without a valid sample.
 
-    Empty lines and lines that begin with # are left out. In JSON, a vector is a list, or its components stand alone as
-    in CSV.
+    Empty lines and lines that begin with # are skipped. In JSON, a vector is a list, or has a key per component, as in
+    CSV.
 
     Args:
-      lines: of a text.
+      lines: lines of the text.
       wanted: signal => dimension of a vector, None for a scalar.
-      name: of the text, for messages.
+      name: name of the text, for messages.
 
     Raises:
       UserError: if the header has no column for a signal.
