@@ -1,4 +1,4 @@
-"""What a spec says of N environments while they run: rewards, what is known, and the monitors' states."""
+"""Judges N environments by a spec while they run: rewards, bounds on the robustness, and the monitors' states."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -34,15 +34,15 @@ class Judgement(NamedTuple):
 
 
 def info_of(judged: Judgement) -> dict[str, Any]:
-    """What is known of a single environment."""
+    """The `info` of a single environment."""
     return {name: float(values[0]) for name, values in judged.known.items()} | judged.verdicts.get(0, {})
 
 
 class Judge:
-    """A spec's part in `count` environments. One monitor follows all episodes that began with the same call.
+    """Judges `count` environments by a spec. One monitor follows all episodes that began with the same call.
 
     Raises:
-      UserError: for a reward that does not exist, or a spec whose monitor keeps the whole past.
+      UserError: if the reward does not exist, or the spec's monitor keeps the whole past.
     """
 
     def __init__(self, spec: Spec, reward: str, count: int = 1) -> None:
@@ -57,12 +57,12 @@ class Judge:
         self._running: list[_Episodes] = []
 
     def read(self, signals: Mapping[str, Array], begins: Mask, over: Mask) -> Judgement:
-        """One more sample of each environment.
+        """Reads one more sample of each environment.
 
         Args:
           signals: name => (N,) or (N, d).
-          begins: (N,), where the sample is the first of an episode; what ran there before is forgotten.
-          over: (N,), where it is the last.
+          begins: (N,), whether the sample is the first of an episode; the episode before is forgotten.
+          over: (N,), whether the sample is the last of an episode.
         """
         if begins.any():
             for episodes in self._running:
@@ -112,7 +112,7 @@ class _Episodes:
         return self.monitor.update(signals)
 
     def leave(self, gone: Mask) -> None:
-        """Without those environments."""
+        """Stops following some environments."""
         (kept,) = np.nonzero(~gone[self.rows])
         if len(kept) < len(self.rows):
             self.rows, self.phi = self.rows[kept], self.phi[kept]
@@ -120,7 +120,7 @@ class _Episodes:
             self._seen = [{name: values[kept] for name, values in sample.items()} for sample in self._seen]
 
     def verdict(self, i: int) -> dict[str, Any]:
-        """Of the i-th of them."""
+        """The verdict on the i-th environment."""
         path = {name: np.stack([sample[name][i] for sample in self._seen])[None] for name in self._spec.signals}
         (why,) = self._spec.explain(path)
         return {"is_success": bool(why.satisfied), "decided_by": why.decided_by}

@@ -20,15 +20,15 @@ from tltlrl.resources import spec_path
 from tltlrl.simulation.stepping import Stepper
 from tltlrl.tasks.task import Task, TaskEntry, draw_command_noise, draw_starts
 
-LARGEST = 1e6  # of an observation, beyond which it is cut
+LARGEST = 1e6  # observations are cut to this size
 Generators = Sequence[np.random.Generator]
 
 
 class _Robots:
-    """N robots of a task and their judge: what the single and the vector environment share.
+    """N robots of a task and their judge; the single and the vector environment share it.
 
     Attributes:
-      over: (N,), whose episode is over.
+      over: (N,), whether each robot's episode is over.
     """
 
     def __init__(
@@ -51,12 +51,12 @@ class _Robots:
         self.action_space = spaces.Box(-1.0, 1.0, (size,), np.float32)
 
     def begin(self, random: Generators) -> tuple[Any, Judgement]:
-        """The first samples, and what they are worth."""
+        """Begins new episodes: the first samples and their judgement."""
         n = len(self.over)
         return self._begun(np.zeros((n, *self.action_space.shape)), np.ones(n, dtype=np.bool_), random)
 
     def step(self, actions: Any, random: Generators) -> tuple[Any, Judgement]:
-        """One control step of each; where an episode was over, another begins, and the action is not looked at."""
+        """Makes one control step of each; where an episode was over, another begins, and the action is ignored."""
         commands = np.clip(np.asarray(actions, dtype=np.float64), -1.0, 1.0) * self.task.command_scale
         begins = self.over
         commands[begins] = 0.0  # before the first sample nothing is commanded
@@ -73,7 +73,7 @@ class _Robots:
         return self._judged(commands, begins)
 
     def _judged(self, commands: Array, begins: Mask) -> tuple[Any, Judgement]:
-        """The samples that `commands` led to."""
+        """The samples that `commands` led to, and their judgement."""
         features = self.stepper.features
         self._time = np.where(begins, 0, self._time + 1)
         self.over = ~begins & (self.task.terminated(features) | (self._time == self.task.steps - 1))
@@ -87,8 +87,9 @@ class SpecEnv(gymnasium.Env):  # type: ignore[misc]  # gymnasium may be missing
     """A task whose reward is a spec's robustness.
 
     Actions in [-1, 1] are shares of a full command. An observation holds the task's features, the monitor's state (cut
-    where it is infinite) and t / T. An episode terminates at sample T - 1, where the value is decided, and where the
-    task ends it; it is never truncated. `info` has robustness, lower and upper, at the end is_success and decided_by.
+    where it is infinite) and t / T. An episode terminates at sample T - 1, where the robustness is final, or earlier
+    if the task ends it. It is never truncated. `info` has robustness, lower and upper; at the end, is_success
+    and decided_by.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  # as gymnasium has it
@@ -105,20 +106,20 @@ class SpecEnv(gymnasium.Env):  # type: ignore[misc]  # gymnasium may be missing
         self.observation_space, self.action_space = self._robots.observation_space, self._robots.action_space
 
     def reset(self, *, seed: int | None = None, options: Any = None) -> tuple[Any, dict[str, Any]]:
-        """The first sample."""
+        """Begins an episode, with its first sample."""
         super().reset(seed=seed)
         del options
         (observation,), judged = self._robots.begin([self.np_random])
         return observation, info_of(judged)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """One control step."""
+        """Makes one control step."""
         (observation,), judged = self._robots.step(np.asarray(action)[None], [self.np_random])
         return observation, float(judged.rewards[0]), bool(self._robots.over[0]), False, info_of(judged)
 
 
 class SpecVectorEnv(VectorEnv):  # type: ignore[misc]
-    """`num_envs` environments of `SpecEnv`, stepped in one call; each is as it would be alone, bit by bit."""
+    """`num_envs` environments of `SpecEnv`, stepped in one call. Each gives the same bits as it would alone."""
 
     metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
 
@@ -150,7 +151,7 @@ class SpecVectorEnv(VectorEnv):  # type: ignore[misc]
         return observations, self._infos(judged)
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
-        """One control step of each; one that was over begins anew instead, and its action is not looked at."""
+        """Makes one control step of each; one whose episode was over begins another instead, and ignores its action."""
         observations, judged = self._robots.step(actions, self._random)
         return (
             observations,

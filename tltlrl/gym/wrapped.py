@@ -43,13 +43,13 @@ class _Wrapped(gymnasium.Wrapper):  # type: ignore[misc]
 
 
 def wrap(env: Any, spec: Spec | str | Path, signals: Mapping[str, str], reward: str = "telescoped") -> Any:
-    """An environment whose reward is a spec's robustness.
+    """Wraps an environment, so that its reward is a spec's robustness.
 
     Args:
       env: any Gymnasium environment.
-      spec: of the task.
-      signals: name => where it is found: `observation`, `info` or `action`, then keys and slices in brackets, such as
-        `observation[0:2]`, `observation[position][1]`, `info[distance]`. Before the first action it is 0.
+      spec: the spec of the task.
+      signals: name => where to find it: `observation`, `info` or `action`, then keys and slices in brackets, such as
+        `observation[0:2]`, `observation[position][1]`, `info[distance]`. Before the first action, an action is 0.
       reward: `telescoped` or `final`.
 
     Raises:

@@ -1,4 +1,4 @@
-"""What is simulated: the contract of a task, planar_arm, toast, and the views of a task for others.
+"""What is simulated: the contract of a task, the tasks themselves, and their `dm_env` view.
 
 Nothing here trains or judges.
 """

@@ -1,4 +1,4 @@
-"""A task as a `dm_env.Environment`: the stateful view, for any task and any reward, a spec's robustness included."""
+"""A task as a `dm_env.Environment`, with any reward: hand-made, or a spec's robustness."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ def environment(
     random: np.random.RandomState | int | None = None,
     noise: bool = True,
 ) -> control.Environment:
-    """The task as an environment: `reset` gives s_0, the last of T - 1 steps gives s_{T-1}.
+    """Makes an environment of a task: `reset` gives s_0, the last of T - 1 steps gives s_{T-1}.
 
-    A reward comes with the sample that a step leads to. The command at that sample is not known then: where a reward
-    or a spec asks for it, the one that led there stands for it (0 at s_0).
+    A step returns the reward of the sample that it leads to. The command at that sample is not known yet. Where a
+    reward or a spec needs it, the command that led there takes its place (0 at s_0).
 
     Args:
       task: what is simulated.
-      reward: a hand-made one, per step; or a spec, whose robustness is the reward of the last step, all others
-        having 0; or None for 0 throughout.
-      random: of the actuators' noise.
-      noise: whether there is such noise, and starts are drawn where the task's have spread.
+      reward: a hand-made reward, given at every step; or a spec, whose robustness is the reward of the last step
+        (all others are 0); or None for 0 at every step.
+      random: source or seed of the actuators' noise.
+      noise: whether commands are noisy, and starts random where the task has a `start_spread`.
     """
     if isinstance(reward, Spec):
         reward = reward.sampled(task.control_timestep)
@@ -45,7 +45,7 @@ def environment(
 
 
 class _View(control.Task):  # type: ignore[misc]  # dm_control has no types
-    """What dm_control asks of a task, answered from the description; the work per step does not grow with time."""
+    """A `Task` as dm_control wants it. The work per step does not grow with time."""
 
     def __init__(
         self, task: Task, reward: StepReward | Spec | None, random: np.random.RandomState | int | None, noise: bool
@@ -80,7 +80,7 @@ class _View(control.Task):  # type: ignore[misc]  # dm_control has no types
         physics.set_control(disturbed)
 
     def after_step(self, physics: mujoco.Physics) -> None:
-        """Takes down the new sample, and a command until its own is known."""
+        """Records the new sample, with the last command until its own is known."""
         self._sample += 1
         self._commands[self._sample] = self._commands[self._sample - 1]
         self._record(physics)
@@ -92,7 +92,7 @@ class _View(control.Task):  # type: ignore[misc]  # dm_control has no types
         )
 
     def get_reward(self, physics: mujoco.Physics) -> float:
-        """That of the latest sample."""
+        """The reward of the latest sample."""
         if self._reward is None:
             return 0.0
         if isinstance(self._reward, Spec):

@@ -1,4 +1,4 @@
-"""Which renderer MuJoCo's Python packages load, chosen before they are imported."""
+"""Chooses the renderer that MuJoCo's Python packages load, before they are imported."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ OFF = "disable"
 def choose_renderer() -> None:
     """Sets MUJOCO_GL to the first renderer that loads, the user's own choice before any other; off if none does.
 
-    Without a choice dm_control would take GLFW, which imports but cannot render without a display, or behind a DISPLAY
-    that nobody serves any more; and with a choice that does not load, nothing could be imported at all.
+    Without a choice dm_control takes GLFW, which imports but cannot render without a display, or with a DISPLAY that no
+    server answers. With a choice that does not load, nothing can be imported at all.
     """
     asked = os.environ.get(VARIABLE)
     if not asked and sys.platform != "linux":
@@ -33,7 +33,7 @@ def _loads(backend: str) -> bool:
         return True
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # GLFW's, of a display that does not answer
+            warnings.simplefilter("ignore")  # GLFW warns of a display that does not answer
             importlib.import_module("dm_control._render")
             if backend != "glfw" or importlib.import_module("glfw").init():
                 return True
@@ -41,5 +41,5 @@ def _loads(backend: str) -> bool:
         pass
     for name in [name for name in sys.modules if name.startswith(("dm_control._render", "OpenGL"))]:
         del sys.modules[name]
-    os.environ.pop("PYOPENGL_PLATFORM", None)  # set by the attempt, and the next one would keep to it
+    os.environ.pop("PYOPENGL_PLATFORM", None)  # the attempt set it, and it would bind the next attempt
     return False

@@ -1,4 +1,4 @@
-"""`load_task`: a built-in or installed task by its name, for `dm_env` users."""
+"""`load_task`: makes a built-in or installed task by its name, for `dm_env` users."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from tltlrl.tasks.task import TaskEntry
 
 
 def load_task(name: str, seed: int | None = None) -> control.Environment:
-    """A task with its default settings as a `dm_env.Environment`.
+    """Makes a task with default settings, as a `dm_env.Environment`.
 
-    Its reward is its first hand-made one; without one, the robustness of the spec that goes with it.
+    Its reward is the task's first hand-made reward, or if it has none, the robustness of its spec.
 
     Args:
-      name: in the registry of tasks.
-      seed: of the actuators' noise.
+      name: a name in the registry of tasks.
+      seed: seed of the actuators' noise.
 
     Raises:
       UserError: if there is no such task.

@@ -1,7 +1,7 @@
-"""The contract of a task: what is simulated, described and never stepped here.
+"""The contract of a task, which describes what is simulated but does not step it.
 
 Training steps the physics model in batches (`tltlrl.simulation.rollout`); `dm_env` users step it through
-`tltlrl.tasks.environment`. Both read this description, and neither leaves anything in it.
+`tltlrl.tasks.environment`. Both only read this description.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ MOST_STEPS = 100_000
 
 
 class StepReward(Protocol):
-    """A hand-made reward: one code for whole episodes in batches and for an environment that goes step by step."""
+    """A hand-made reward: the same code serves batches of whole episodes and environments that go step by step."""
 
     def __call__(self, signals: Signals, memory: Memory = None) -> tuple[Array, Memory]:
         """The rewards of a stretch of consecutive samples of N trajectories.
 
         Args:
-          signals: of the stretch, name -> (N, T) or (N, T, k).
-          memory: what the stretch before has left; None at the start of the episodes.
+          signals: signals of the stretch, name => (N, T) or (N, T, k).
+          memory: the memory that the call for the stretch before returned; None at the start of the episodes.
 
         Returns:
-          The rewards, shape (N, T), and what the next stretch has to know.
+          The rewards, shape (N, T), and the memory for the next stretch.
         """
 
 
@@ -48,9 +48,9 @@ class Quantity:
     """A group of features or of commands.
 
     Attributes:
-      name: of the group, such as `velocities`.
-      unit: of all its parts.
-      parts: their names, in order.
+      name: name of the group, such as `velocities`.
+      unit: unit of all its parts.
+      parts: names of its parts, in order.
     """
 
     name: str
@@ -60,7 +60,7 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Joints:
-    """By what names a task speaks of its joints; all three groups have one part per joint, in the same order.
+    """The names of a task's groups about joints; each group has one part per joint, in the same order.
 
     Attributes:
       angles, velocities: groups of features, rad and rad/s.
@@ -79,28 +79,28 @@ class Stepping(Protocol):
         """The first observations, (n,)."""
 
     def step(self, command: Array) -> tuple[Array, float, bool]:
-        """One step: observations (n,), reward, and whether the episode is over.
+        """Makes one step: observations (n,), reward, and whether the episode is over.
 
         Raises:
           FloatingPointError: if it diverged.
         """
 
     def picture(self, height: int, width: int) -> NDArray[np.uint8]:
-        """What it looks like now, (height, width, 3).
+        """A picture of the present state, (height, width, 3).
 
         Raises:
-          UserError: if it has no pictures here.
+          UserError: if no picture can be made on this machine.
         """
 
 
 @dataclass(frozen=True)
 class Outside:
-    """What makes the trajectories of a task that is no model of ours.
+    """The environment that makes a task's trajectories, in place of a model.
 
     Attributes:
-      make: a new environment, with pictures or without.
-      command_range: the least and the most of each command, (d,) each.
-      seed: of the start; None where each trajectory has a start of its own.
+      make: makes a new environment, with pictures or without.
+      command_range: the least and the greatest value of each command, (d,) each.
+      seed: seed of the start; None if each trajectory has its own start.
     """
 
     make: Callable[[bool], Stepping]
@@ -111,7 +111,7 @@ class Outside:
 class Task(abc.ABC):
     """A robot, its start, its features s_t (`observation`), its commands u_t (`action`) and its signals.
 
-    What not every task can do, from `sensed` on, is None where it cannot.
+    Attributes from `sensed` on are None for a task without that capability.
 
     Attributes:
       name: the task's name in configs and CSV files.
@@ -127,14 +127,14 @@ class Task(abc.ABC):
         before them, and the feedback has nothing on them: a sensor's value belongs to a sample, and the rollout knows
         it after the command. A sensor of accelerations and forces says what it saw in the physics step before.
       start_spread: standard deviation of the start, shape (nv,), rad or m; drawn anew for each trajectory.
-      units: of signals, by name, for their users.
-      camera: of the model, for films.
+      units: signal => unit, for users.
+      camera: name of the model's camera for films.
       skeleton: features (..., n) => points (..., P, 2), m: the robot as a polyline from its base to its end-effector,
         for pictures of the plane.
-      joints: the names of what moves, for measures of motion and for calm motions.
-      end_effector: the group of features that is its position, m, for the length of its path.
-      outside: an environment that steps by itself, in the place of `make_physics` and `features`; its observations and,
-        last, the reward that led to them are the features.
+      joints: the groups about joints, for measures of motion and for calm motions.
+      end_effector: the group of features with its position, m, for the length of its path.
+      outside: an environment that steps by itself, in place of `make_physics` and `features`. The features are its
+        observations and, last, the reward that came with them.
     """
 
     name: str
@@ -183,7 +183,7 @@ class Task(abc.ABC):
 
     @abc.abstractmethod
     def signals(self, features: Array, commands: Array) -> Signals:
-        """What a spec can speak of: (N, T, n), (N, T, d) => name -> (N, T) or (N, T, k)."""
+        """The signals for specs, from features (N, T, n) and commands (N, T, d): name => (N, T) or (N, T, k)."""
 
     @abc.abstractmethod
     def reference(self) -> tuple[Array, Array]:
@@ -197,7 +197,7 @@ class Task(abc.ABC):
         return np.zeros(len(features), dtype=np.bool_)
 
     def outcomes(self, last_qpos: Array, last_qvel: Array) -> dict[str, NDArray[np.bool_]]:  # noqa: ARG002
-        """What can be judged of trials by other means than the spec, from their last states (N, nq) and (N, nv)."""
+        """What the task itself judges in trials, from their last states (N, nq) and (N, nv): name => (N,)."""
         return {}
 
 
@@ -207,12 +207,12 @@ def _spans(groups: Sequence[Quantity]) -> dict[str, slice]:
 
 
 def draw_command_noise(task: Task, shape: tuple[int, ...], rng: np.random.Generator | np.random.RandomState) -> Array:
-    """What the actuators add to commands: shape (*shape, d), in the commands' unit. Nothing else adds noise."""
+    """Draws the actuators' noise on commands, shape (*shape, d), in the commands' unit. Nothing else adds noise."""
     return np.asarray(task.command_noise * rng.standard_normal((*shape, len(task.command_noise))))
 
 
 def draw_starts(task: Task, count: int, rng: np.random.Generator | np.random.RandomState) -> Array | None:
-    """How far trajectories start from the task's start, shape (count, nv); None, and nothing drawn, without spread."""
+    """Draws how far trajectories start from the task's start, (count, nv); without spread draws nothing, gives None."""
     if task.start_spread is None:
         return None
     return np.asarray(task.start_spread * rng.standard_normal((count, len(task.start_spread))))
@@ -231,13 +231,13 @@ class TaskEntry:
 
     Attributes:
       config: dataclass of the task's settings, each with a default; its field `name` is the task's name.
-      make: an instance of it => the task.
-      spec: file of the spec that goes with it, if there is one.
-      reward: dataclass of the coefficients of its hand-made rewards, each with a default; its field `step` says what
-        step-based learners have instead, name => value.
+      make: an instance of `config` => the task.
+      spec: file of the task's spec, if there is one.
+      reward: dataclass of the coefficients of its hand-made rewards, each with a default. Its field `step` has other
+        values for step-based learners, name => value.
       rewards: (coefficients, spec constants) => the hand-made rewards by name.
-      hand_made: their names, the one that `load_task` gives first.
-      evaluation: the config of the scene that learned policies are tried in, from that of training.
+      hand_made: names of the hand-made rewards; `load_task` uses the first.
+      evaluation: the config of training => the config of the scene for trials of learned policies.
     """
 
     config: type
@@ -250,14 +250,14 @@ class TaskEntry:
 
 
 def required_constants(constants: Mapping[str, Any], **kinds: type) -> list[Any]:
-    """Constants of the spec by the names that the hand-made rewards rely on.
+    """The values of the spec's constants that a hand-made reward needs, in the order of `kinds`.
 
     Args:
-      constants: of the spec.
+      constants: constants of the spec.
       kinds: name=float for a number, tuple for a vector, dict for a family.
 
     Raises:
-      UserError: naming those that the spec lacks, or has as something else.
+      UserError: if the spec lacks some, or has them as another kind; it names them.
     """
     missing = [f"{name} ({KINDS[kind]})" for name, kind in kinds.items() if not isinstance(constants.get(name), kind)]
     if missing:

@@ -1,6 +1,6 @@
-"""Environments of others that step: Gymnasium's, and those of dm_control's suite.
+"""Environments of others as tasks: from Gymnasium and from dm_control's suite.
 
-Their observations become features and signals, and their own reward is a hand-made one, `environment`.
+Their observations become features and signals. Their own reward becomes a hand-made reward, `environment`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What an environment that steps is asked for, whoever made it: the same for Gymnasium and for dm_control's suite."""
+"""A description of environments that step by themselves, common to Gymnasium and dm_control's suite."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Described:
-    """What an environment says of itself.
+    """The description of an environment.
 
     Attributes:
-      make: a new one, with pictures or without.
-      observations: name => how many numbers it is, in order.
-      low, high: the least and the most of each command, (d,).
+      make: makes a new environment, with pictures or without.
+      observations: name => how many numbers, in order.
+      low, high: the least and the greatest value of each command, (d,).
       steps: samples of one episode; None if it has no end.
-      timestep: between two commands, s; None if it says none.
+      timestep: time between two commands, s; None if the environment does not say it.
     """
 
     make: Callable[[bool], Stepping]
@@ -36,7 +36,7 @@ class Described:
 
 
 def flat(observation: Any, names: Mapping[str, int]) -> Array:
-    """Observations by name, or one alone, as one array (n,)."""
+    """Joins observations, by name or a single one, into one array (n,)."""
     parts = [observation[name] for name in names] if isinstance(observation, Mapping) else [observation]
     return np.concatenate([np.asarray(part, dtype=np.float64).ravel() for part in parts])
 
@@ -45,7 +45,7 @@ def checked_commands(low: Any, high: Any, what: str) -> tuple[Array, Array]:
     """Bounds of commands as arrays (d,).
 
     Raises:
-      UserError: if one is infinite or empty.
+      UserError: if a range is infinite or empty.
     """
     bounds = [np.asarray(bound, dtype=np.float64).ravel() for bound in (low, high)]
     if not np.isfinite(bounds).all() or not np.all(bounds[0] < bounds[1]):

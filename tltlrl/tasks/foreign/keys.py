@@ -1,4 +1,4 @@
-"""The settings of an environment that is not ours."""
+"""The settings of tasks that are environments of others."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MOST_SEED = 2**31 - 1
 
 @dataclass(frozen=True)
 class ForeignConfig:
-    """What is the same for every kind of environment."""
+    """The settings that all kinds of environments share."""
 
     name: str = setting("of the kind of environment", "")
     id: str = setting("of the environment", "")
@@ -45,7 +45,7 @@ class ForeignConfig:
 
 @dataclass(frozen=True)
 class GymnasiumConfig(ForeignConfig):
-    """An environment of Gymnasium."""
+    """The settings of an environment of Gymnasium."""
 
     name: str = setting("of the kind of environment", "gymnasium")
     id: str = setting("as gymnasium.make takes it, such as Pendulum-v1", "")
@@ -53,7 +53,7 @@ class GymnasiumConfig(ForeignConfig):
 
 @dataclass(frozen=True)
 class SuiteConfig(ForeignConfig):
-    """An environment of dm_control's suite."""
+    """The settings of an environment of dm_control's suite."""
 
     name: str = setting("of the kind of environment", "suite")
     id: str = setting("domain and task, such as ball_in_cup-catch", "")

@@ -16,7 +16,7 @@ from tltlrl.tasks.foreign.environment import Array, Described, checked_commands,
 
 
 def described(identity: str) -> Described:
-    """An environment by its id.
+    """Describes the environment with an id.
 
     Raises:
       UserError: if Gymnasium is missing, there is no such environment, or it cannot be learned.
@@ -59,12 +59,12 @@ def _made(identity: str, **more: Any) -> Any:
     import gymnasium
 
     with _told(identity, "made"):
-        return gymnasium.make(identity, max_episode_steps=-1, **more)  # how long it goes on is ours to say
+        return gymnasium.make(identity, max_episode_steps=-1, **more)  # the task decides how long it runs
 
 
 @contextlib.contextmanager
 def _told(identity: str, what: str) -> Iterator[None]:
-    """Whatever a stranger's code raises, as a UserError."""
+    """Turns anything that the environment's code raises into a UserError."""
     try:
         yield
     except Exception as error:
@@ -75,7 +75,7 @@ def _told(identity: str, what: str) -> Iterator[None]:
 
 
 def _sizes(space: Any, identity: str) -> dict[str, int]:
-    """Name => numbers of every observation; one alone is called `observation`."""
+    """Name => how many numbers, for every observation; a single one is called `observation`."""
     from gymnasium import spaces
 
     found = dict(space.spaces) if isinstance(space, spaces.Dict) else {"observation": space}

@@ -15,10 +15,10 @@ from tltlrl.tasks.foreign.environment import Array, Described, checked_commands,
 
 
 def described(identity: str) -> Described:
-    """An environment by its domain and task, as ball_in_cup-catch.
+    """Describes the environment with a domain and task, such as ball_in_cup-catch.
 
     Raises:
-      UserError: if there is none.
+      UserError: if there is no such environment.
     """
     names = ["-".join(names) for names in suite.ALL_TASKS]
     if identity not in names:
@@ -36,7 +36,7 @@ def described(identity: str) -> Described:
 
 def _made(identity: str) -> Any:
     domain, _, task = identity.partition("-")
-    return suite.load(domain, task, {"time_limit": math.inf, "random": 0})  # how long it goes on is ours to say
+    return suite.load(domain, task, {"time_limit": math.inf, "random": 0})  # the task decides how long it runs
 
 
 class _Stepping:

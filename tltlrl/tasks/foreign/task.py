@@ -1,4 +1,4 @@
-"""The task that an environment of others is: its observations and its reward as features and signals."""
+"""An environment of others as a task: its observations and its reward are features and signals."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SLICE = re.compile(r"([^\[\]]+)(?:\[(-?\d+)?(:)?(-?\d+)?\])?")
 
 
 def own_rewards(coefficients: object, constants: Mapping[str, Any]) -> dict[str, StepReward]:  # noqa: ARG001
-    """The environment's own reward, by its name."""
+    """The environment's own reward, name => reward."""
     return {"environment": _as_paid}
 
 
@@ -32,10 +32,10 @@ class ForeignTask(Task):
     """An environment: its features are its observations and, last, the reward that led to them."""
 
     def __init__(self, config: ForeignConfig) -> None:
-        """Makes the environment once, to see what it observes.
+        """Makes the environment once, to find its observations and commands.
 
         Raises:
-          UserError: if there is none of that id, or it cannot be learned.
+          UserError: if there is no environment with that id, or it cannot be learned.
         """
         self.config = config
         said = _described(config)
@@ -61,7 +61,7 @@ class ForeignTask(Task):
         self.feedback = self._gains(config.feedback)
 
     def make_physics(self) -> mujoco.Physics:
-        """There is none that is ours to step.
+        """Raises: the environment steps its own physics.
 
         Raises:
           UserError: always.
@@ -69,11 +69,11 @@ class ForeignTask(Task):
         raise UserError(f"task: {self.config.id} is an environment that steps by itself, without a model of ours")
 
     def initial_state(self) -> tuple[Array, Array]:
-        """There is none; see `make_physics`."""
+        """Not available; see `make_physics`."""
         return np.zeros(0), np.zeros(0)
 
     def features(self, qpos: Array, qvel: Array) -> Array:
-        """There are none of a physics; see `make_physics`."""
+        """Not available; see `make_physics`."""
         return np.zeros((len(qpos), 0 * len(qvel)))
 
     def signals(self, features: Array, commands: Array) -> Signals:
@@ -83,7 +83,7 @@ class ForeignTask(Task):
         return {name: values[..., 0] if values.shape[-1] == 1 else values for name, values in found.items()}
 
     def reference(self) -> tuple[Array, Array]:
-        """The start, and the commands in the middle of their range."""
+        """The features at the start, and the middle of every command's range, at all steps."""
         low, high = self.outside.command_range
         first = np.append(self.outside.make(False).reset(self.outside.seed or 0), 0.0)
         return np.tile(first, (self.steps, 1)), np.tile((low + high) / 2, (self.steps, 1))

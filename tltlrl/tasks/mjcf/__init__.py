@@ -1,6 +1,6 @@
 """A robot described by an MJCF file and a page of YAML: keys, page, model, signals, and the task made of them.
 
-The table of keys is in `keys`; docs/robot-yaml.md is made from it.
+`keys` has the table of keys, from which docs/robot-yaml.md is made.
 """
 
 from __future__ import annotations

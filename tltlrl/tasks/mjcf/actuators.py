@@ -1,4 +1,4 @@
-"""What a page says of actuators: those that it adds to the model, those that are commanded, and their feedback."""
+"""The actuators of a page: which it adds to the model, which are commanded, and their feedback."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ class Added:
     """An actuator that a page adds to the model, named like its joint.
 
     Attributes:
-      joint: that it drives.
-      kind: motor, position or velocity, as MJCF has them.
-      gain: of a motor its gear, else kp or kv.
+      joint: the joint that it drives.
+      kind: motor, position or velocity, as in MJCF.
+      gain: gear of a motor, kp of a position actuator, kv of a velocity actuator.
       damping: kv of a position actuator.
-      low, high: its range of commands.
-      force: the most that it can give, N or N m; None for no limit.
+      low, high: range of its commands.
+      force: its greatest force, N or N m; None for no limit.
     """
 
     joint: str
@@ -46,14 +46,14 @@ class Added:
 
 
 def added_to(actuators: Mapping[str, Any], at: At) -> tuple[Added, ...]:
-    """What the page's `actuators` ask for.
+    """The actuators in the page's `actuators`.
 
     Args:
       actuators: joint => {motor|position|velocity: gain, range: ..., damping: ..., force: ...}.
-      at: tells mistakes.
+      at: makes error messages.
 
     Raises:
-      UserError: if one is not described whole.
+      UserError: if the description of one is not complete.
     """
     return tuple(_added(joint, parts, at("actuators", joint)) for joint, parts in actuators.items())
 
@@ -78,7 +78,7 @@ def _added(joint: str, parts: Any, told: Told) -> Added:
 
 
 def _span(value: Any, told: Told) -> tuple[float, float]:
-    """`0.5` is [-0.5, 0.5]."""
+    """The range that a page gives: two numbers, or `0.5` for [-0.5, 0.5]."""
     span = value if isinstance(value, list) else [-value, value]
     if len(span) != 2 or not np.isfinite(span).all() or not span[0] < span[1]:
         raise told(f"its range {value} must be two numbers that rise, or one above 0")
@@ -86,7 +86,7 @@ def _span(value: Any, told: Told) -> tuple[float, float]:
 
 
 def check_added(spec: mujoco.MjSpec, added: Sequence[Added], at: At) -> None:
-    """Whether actuators can be added to a model.
+    """Checks that actuators can be added to a model.
 
     Raises:
       UserError: if there is no such joint, or an actuator of that name.
@@ -102,7 +102,7 @@ def check_added(spec: mujoco.MjSpec, added: Sequence[Added], at: At) -> None:
 
 
 def add_actuators(spec: mujoco.MjSpec, added: Sequence[Added]) -> None:
-    """Adds actuators to a model that is not compiled; numbers of its keyframes for actuators are dropped."""
+    """Adds actuators to a model that is not compiled, and drops the keyframes' numbers for actuators."""
     for actuator in added:
         made = spec.add_actuator(
             name=actuator.joint,
@@ -126,7 +126,7 @@ def add_actuators(spec: mujoco.MjSpec, added: Sequence[Added]) -> None:
 
 
 def commanded(model: mujoco.MjModel, asked: Sequence[str], at: At) -> list[str]:
-    """The actuators that are commanded: those that are asked for, or all.
+    """The names of the commanded actuators: the ones asked for, or all.
 
     Raises:
       UserError: if there is no such actuator, or one has no range.

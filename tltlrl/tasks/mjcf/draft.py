@@ -1,4 +1,4 @@
-"""A first page for a model, and a first spec: what is likely, with what else there is as comments."""
+"""Drafts a page for a model, and a spec: likely choices, with the alternatives as comments."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ def draft_page(model: mujoco.MjModel, path: str, told: Told) -> str:
     """The text of a page.
 
     Args:
-      model: compiled.
-      path: as the page will name it.
-      told: a mistake in the model.
+      model: the compiled model.
+      path: the model's path as the page will give it.
+      told: makes the error for a mistake in the model.
 
     Raises:
-      UserError: if no place of the model has a name, so that a spec could speak of none.
+      UserError: if no site, body or geom of the model has a name that a spec could use.
     """
     timestep = float(model.opt.timestep)
     names = {of: quantities.named(model, of) for of in quantities.NAMED}
@@ -60,8 +60,8 @@ def draft_spec(goal: Array, radius: float) -> str:
     """The text of a spec: reach a place and stay there.
 
     Args:
-      goal: where the tip can get, shape (3,), m.
-      radius: m.
+      goal: a place that the tip can reach, shape (3,), m.
+      radius: radius of the goal, m.
     """
     place = ", ".join(f"{x:.3g}" for x in goal)
     return f"""\
@@ -79,7 +79,7 @@ spec: F G at_goal
 
 
 def likely_tip(model: mujoco.MjModel, told: Told) -> str:
-    """The place that a task is likely about: a site, body or geom as far as possible down the tree of bodies.
+    """The quantity of the likely tip: a named site, body or geom as far as possible down the tree of bodies.
 
     Raises:
       UserError: if none of them has a name.
@@ -104,7 +104,7 @@ def likely_tip(model: mujoco.MjModel, told: Told) -> str:
 
 
 def _feedback(model: mujoco.MjModel, actuators: Sequence[str]) -> list[str]:
-    """Pulls back the joints whose actuators do not do it themselves."""
+    """The lines of `feedback`, for the joints whose actuators have no feedback of their own."""
     gains = []
     for i, name in enumerate(actuators):
         joint = int(model.actuator_trnid[i, 0])
@@ -120,6 +120,6 @@ def _feedback(model: mujoco.MjModel, actuators: Sequence[str]) -> list[str]:
 
 
 def _word(name: str) -> str:
-    """A name as a spec can speak of it."""
+    """A name changed so that a spec can use it."""
     word = "".join(c if c.isalnum() else "_" for c in name)
     return word if word.isidentifier() else f"_{word}"

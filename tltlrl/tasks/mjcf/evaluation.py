@@ -1,4 +1,4 @@
-"""A page with other values for the trials of what was learned, and where mistakes in either are told."""
+"""The page with its other values for trials of learned policies, and where its mistakes are."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ class EvaluationConfig(RobotConfig):
     """A page with the other values of its key `evaluation`.
 
     Attributes:
-      trained: the page itself: features stay what they are there, whatever else the scene holds.
+      trained: the page itself; features stay the same as there, whatever else is in the scene.
     """
 
     trained: RobotConfig = setting("the page itself", RobotConfig())
 
 
 def evaluation_of(config: RobotConfig) -> RobotConfig:
-    """The scene that what was learned is tried in."""
+    """The config of the scene for trials of learned policies."""
     if not config.evaluation:
         return config
     values = {field.name: getattr(config, field.name) for field in dataclasses.fields(config)}
@@ -34,12 +34,12 @@ def evaluation_of(config: RobotConfig) -> RobotConfig:
 
 
 def trained_of(config: RobotConfig) -> RobotConfig:
-    """The page as it is in training."""
+    """The config of the scene for training."""
     return config.trained if isinstance(config, EvaluationConfig) else config
 
 
 def mistakes_at(config: RobotConfig) -> At:
-    """Tells what is wrong at a key: within `evaluation`, if the value is from there."""
+    """A function that makes the error for a key, which lies within `evaluation` if the value is from there."""
     trained = trained_of(config)
 
     def at(*key: str) -> Told:

@@ -1,6 +1,6 @@
-"""The table of keys of a robot's page: what each means, what it may be, and an example of it.
+"""The table of keys of a robot's page: the meaning, the bounds and an example of each key.
 
-The reader of pages, its messages and the reference page docs/robot-yaml.md all follow this table.
+The reader of pages, its messages and docs/robot-yaml.md all use this table.
 """
 
 from __future__ import annotations
@@ -74,8 +74,8 @@ class Kind:
     """What a key's value looks like on a page.
 
     Attributes:
-      kind: in words.
-      example: as YAML.
+      kind: the kind of value, in words.
+      example: an example, as YAML.
     """
 
     kind: str

@@ -1,4 +1,4 @@
-"""The MJCF file of a robot: found, digested, read by MuJoCo, with what is wrong in it told."""
+"""Finds and digests the MJCF file of a robot, lets MuJoCo read it, and reports what is wrong in it."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ Told = Callable[[str], UserError]  # what is wrong => the error that says where
 
 
 def model_path(model: str, folder: Path, told: Told) -> Path:
-    """Where a model's file lies: a path from a folder, or package:path.
+    """The path of a model's file, from a path relative to a folder or from package:path.
 
     Args:
-      model: as the page has it.
-      folder: of the page.
-      told: a mistake at the page's key.
+      model: the model as the page gives it.
+      folder: folder of the page.
+      told: makes the error for the page's key.
 
     Raises:
       UserError: if there is no such file.
@@ -49,7 +49,7 @@ def model_path(model: str, folder: Path, told: Told) -> Path:
 
 
 def digest_of(path: Path) -> str:
-    """SHA-256 of a model's file and of every file that it names: other models, meshes, textures, height fields."""
+    """SHA-256 of a model's file and all files that it names: other models, meshes, textures, height fields."""
     total = hashlib.sha256()
     for file in _files(path):
         total.update(hashlib.sha256(file.read_bytes()).digest())
@@ -57,7 +57,7 @@ def digest_of(path: Path) -> str:
 
 
 def page_digest(config: RobotConfig) -> str:
-    """Of the files of the model, and of that of the evaluation."""
+    """The digest of all files of the model, and of the model for evaluation."""
     folder = Path(config.file).parent
     path = model_path(config.model, folder, lambda what: mistake(config, ("model",), what))
     paths = [path]
@@ -96,10 +96,10 @@ def _files(path: Path) -> list[Path]:
 
 
 def read_model(path: Path) -> mujoco.MjSpec:
-    """The model as MuJoCo reads it, to be changed at will; automatic resets are switched off.
+    """Reads a model, which may still be changed; automatic resets are switched off.
 
     Raises:
-      UserError: with what MuJoCo says, and its line.
+      UserError: if MuJoCo cannot read it; with MuJoCo's message and its line.
     """
     try:
         spec = mujoco.MjSpec.from_file(str(path))  # a copy of a spec would lose what refers to nothing
@@ -110,10 +110,10 @@ def read_model(path: Path) -> mujoco.MjSpec:
 
 
 def compiled(path: Path, spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """The model, ready to be simulated.
+    """Compiles a model, ready to be simulated.
 
     Raises:
-      UserError: with what MuJoCo says, and its line.
+      UserError: if MuJoCo cannot compile it; with MuJoCo's message and its line.
     """
     try:
         return spec.compile()
@@ -122,7 +122,7 @@ def compiled(path: Path, spec: mujoco.MjSpec) -> mujoco.MjModel:
 
 
 def complaint(path: Path, error: Exception) -> UserError:
-    """What MuJoCo finds wrong with a model, on one line."""
+    """The error for what MuJoCo finds wrong with a model, on one line."""
     text = " ".join(str(error).split())
     line = re.search(r"[Ll]ine(?: number)?[ =](\d+)", text)
     text = re.sub(r"^(XML Error: |Error: |XML parse error \d+: )", "", text)

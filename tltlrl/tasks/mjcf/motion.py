@@ -1,4 +1,4 @@
-"""The commands that keep a motion up: the forces it needs, divided among the actuators."""
+"""Commands that hold a motion: the forces that it needs, divided among the actuators."""
 
 from __future__ import annotations
 
@@ -10,18 +10,17 @@ Array = NDArray[np.float64]
 
 
 def holding_commands(model: mujoco.MjModel, qpos: Array, qvel: Array, still: bool) -> tuple[Array, Array]:
-    """What the actuators have to be told along a motion, without regard to its accelerations.
+    """The commands that hold a motion, if its accelerations are ignored.
 
-    Without acceleration the joints need the forces tau that balance gravity, Coriolis forces, springs and dampers;
-    contacts are left out. Of the actuators' forces f, the least with M^T f = tau are wanted, M the matrix of their
-    moment arms. An actuator gives f = g u + b with its gain g and its bias b, which depends on its length and its
-    velocity, so u = (f - b) / g. An actuator with dynamics of its own, or without gain, is told 0. Commands are cut to
-    their range.
+    Without acceleration, the joint forces tau balance gravity, Coriolis forces, springs and dampers; contacts are
+    ignored. Let M be the matrix of the actuators' moment arms. The actuators' forces f are the smallest with
+    M^T f = tau. An actuator gives f = g u + b, with gain g and with bias b, which depends on its length and velocity.
+    So u = (f - b) / g. An actuator with internal dynamics or without gain gets 0. Commands are cut to their range.
 
     Args:
-      model: of the robot.
-      qpos, qvel: of the motion, shapes (T, nq) and (T, nv).
-      still: whether every state is the first one.
+      model: model of the robot.
+      qpos, qvel: states of the motion, shapes (T, nq) and (T, nv).
+      still: whether every state is the same as the first.
 
     Returns:
       Commands of all actuators, shape (T, nu), and the sensors' values at the states, shape (T, nsensordata).

@@ -1,4 +1,4 @@
-"""What is seen of a robot: the quantities that its signals are made of, and where they lie among the features."""
+"""The signals of a robot: the quantities they are made of, and their places among the features."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ STATE = ("qpos", "qvel")  # the fields that need no sensor
 def signals_named(
     model: mujoco.MjModel, given: Mapping[str, Any], joints: Sequence[str], at: At
 ) -> dict[str, list[Measure]]:
-    """Signal => the quantities that it is made of, one after the other.
+    """Signal => the quantities that it is made of, in order.
 
     Args:
-      model: that they are found in.
-      given: the page's `signals`; none: every sensor, and the joints' positions and velocities.
-      joints: of the features.
-      at: tells mistakes.
+      model: the model with the quantities.
+      given: the page's `signals`; if empty, every sensor and the joints' positions and velocities are signals.
+      joints: the joints that are features.
+      at: makes error messages.
 
     Raises:
       UserError: if a name cannot be used, or a quantity is not in the model.
@@ -55,10 +55,10 @@ def _default_signals(model: mujoco.MjModel, joints: Sequence[str], told: Told) -
 
 
 def check_signal_name(name: str, told: Told) -> None:
-    """Whether a spec can speak of a signal of that name.
+    """Checks that a signal can have this name in a spec.
 
     Raises:
-      UserError: if not.
+      UserError: if it cannot.
     """
     if not name.isidentifier():
         raise told(f"{name} cannot be a name in a spec; use letters, digits and _, a letter first")
@@ -67,7 +67,7 @@ def check_signal_name(name: str, told: Told) -> None:
 
 
 def state_places(model: mujoco.MjModel, joints: Sequence[str]) -> tuple[list[int], list[int]]:
-    """Where the joints of the features lie in qpos and in qvel."""
+    """The indices in qpos and in qvel of the joints that are features."""
     there = quantities.names_in(model, "joint")
     qpos: list[int] = []
     qvel: list[int] = []
@@ -93,7 +93,7 @@ def feature_groups(
 
 
 def columns_of(signals: Mapping[str, Sequence[Measure]], observation: Sequence[Quantity]) -> dict[str, list[int]]:
-    """Signal => where its values lie among the features."""
+    """Signal => the indices of its values among the features."""
     labels = [label for group in observation for label in group.parts]
     return {
         name: [
@@ -112,12 +112,12 @@ def _labels(part: Measure) -> tuple[str, ...]:
 
 
 def end_formula(text: str | None, sizes: Mapping[str, int], told: Told) -> Spec | None:
-    """The formula where an episode ends.
+    """The formula that ends an episode where it holds; None if the page has none.
 
     Args:
-      text: of the page.
+      text: the formula's text on the page.
       sizes: signal => how many numbers.
-      told: tells mistakes.
+      told: makes the error.
 
     Raises:
       UserError: if it cannot be read, or looks at other samples.

@@ -1,4 +1,4 @@
-"""A robot's page: YAML with the line of every key, and mistakes told at their line."""
+"""Reads a robot's page: YAML, with the line of every key, so that messages can name it."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Key = tuple[str, ...]  # ("signals", "tip")
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML, but 1e-3 is a number."""
+    """A YAML loader that reads 1e-3 as a number."""
 
 
 _Loader.add_implicit_resolver(
@@ -43,12 +43,12 @@ _Loader.add_implicit_resolver(
 
 @dataclass(frozen=True)
 class Page:
-    """What a file says.
+    """The content of a page.
 
     Attributes:
-      path: of the file.
-      values: as plain data.
-      lines: of every key, by the keys that lead to it.
+      path: path of the file.
+      values: its values as plain data.
+      lines: keys that lead to a value => its line.
     """
 
     path: Path
@@ -56,19 +56,19 @@ class Page:
     lines: Mapping[Key, int]
 
     def mistake(self, key: Key, what: str) -> UserError:
-        """`file:line: key: what`; the line of the nearest key above where a key is not on the page."""
+        """The error `file:line: key: what`. A key that is not on the page has the line of the nearest key above."""
         above = next((key[:n] for n in range(len(key), 0, -1) if key[:n] in self.lines), ())
         return UserError(f"{shown(self.path)}:{self.lines.get(above, 1)}: {'.'.join(key)}: {what}")
 
 
 def shown(path: Path) -> str:
-    """A path as its user would write it: from here, if it lies below."""
+    """A path for messages: relative to the current folder if it lies in it."""
     relative = os.path.relpath(path)
     return str(path) if relative.startswith("..") else relative
 
 
 def task_name(file: Path) -> str:
-    """The name of a robot's task: that of its page, as one word."""
+    """The name of a robot's task: the name of its page, as one word."""
     word = "".join(c if c.isalnum() or c == "_" else "_" for c in file.stem)
     return word if word.isidentifier() and not keyword.iskeyword(word) else f"robot_{word}"
 
@@ -86,7 +86,7 @@ def read_page(path: Path) -> Page:
 
 
 def page_of(path: Path, data: bytes) -> Page:
-    """The page that a file's content is.
+    """Reads a page from the content of its file.
 
     Raises:
       UserError: naming file, line and key.
@@ -117,7 +117,7 @@ def page_of(path: Path, data: bytes) -> Page:
 
 
 def _plain(node: yaml.Node, key: Key, lines: dict[Key, int], name: str) -> Any:
-    """A node as plain data; takes down the line of every key."""
+    """A node as plain data; records the line of every key."""
     if isinstance(node, yaml.SequenceNode):
         return [_plain(part, (*key, str(i)), lines, name) for i, part in enumerate(node.value)]
     if not isinstance(node, yaml.MappingNode):
@@ -134,7 +134,7 @@ def _plain(node: yaml.Node, key: Key, lines: dict[Key, int], name: str) -> Any:
 
 
 def _check(page: Page, values: Mapping[str, Any], within: Key) -> None:
-    """Whether every key is one, has the right kind of value, and is within its bounds."""
+    """Checks that every key exists, has the right kind of value, and is within its bounds."""
     for key, value in values.items():
         if key not in KINDS:
             raise page.mistake((*within, key), f"no such key{nearest(key, KINDS)}")
@@ -157,7 +157,7 @@ def _check(page: Page, values: Mapping[str, Any], within: Key) -> None:
 
 
 def _wrong(value: Any, kind: str) -> Iterator[Key]:
-    """Where a value is not of a kind: nothing if it is, else the keys that lead to the first wrong part."""
+    """Yields the keys that lead to the first part of a value that is not of a kind; nothing if all is."""
     if kind == NUMBER:
         right = _number(value)
     elif kind == NAMES:
@@ -216,12 +216,12 @@ PARTS = {
 
 
 def mistake(config: RobotConfig, key: Key, what: str, told_within: Key = ()) -> UserError:
-    """A mistake in a value of a config: at its line, if the page says that value; otherwise by the config's key.
+    """The error for a wrong value of a config, at its line if the value is on the page, otherwise at the config's key.
 
     Args:
-      config: as it is used.
+      config: the config as it is used.
       key: the keys that lead to the value.
-      what: is wrong, and what to do.
+      what: what is wrong, and what to do.
       told_within: the key on the page that these settings stand below: ("evaluation",), or nothing.
     """
     try:

@@ -1,4 +1,4 @@
-"""Where a page puts the joints: the start, and the waypoints of the motion that learning starts from."""
+"""The joint positions that a page gives: the start, and the waypoints of the reference motion."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ Array = NDArray[np.float64]
 
 
 def start_state(model: mujoco.MjModel, path: Path, config: RobotConfig, at: At) -> tuple[Array, Array]:
-    """Positions (nq,) and velocities (nv,) at the start: of the keyframe or the model, with what `start` says.
+    """Positions (nq,) and velocities (nv,) at the start: the keyframe's or the model's, changed by `start`.
 
     Args:
-      model: as it is simulated.
-      path: of its MJCF file.
+      model: the model as it is simulated.
+      path: path of its MJCF file.
       config: the page.
-      at: tells mistakes.
+      at: makes error messages.
 
     Raises:
-      UserError: if there is no such keyframe or joint, or one cannot be there.
+      UserError: if there is no such keyframe or joint, or a joint cannot have that position.
     """
     qpos, qvel = np.array(model.qpos0), np.zeros(model.nv)
     if config.keyframe is not None:
@@ -40,7 +40,7 @@ def start_state(model: mujoco.MjModel, path: Path, config: RobotConfig, at: At) 
             raise told(f"the model has no keyframe {config.keyframe}{there}")
         key = names.index(config.keyframe)
         written = len(read_model(path).keys[key].qpos)
-        if written not in (0, model.nq):  # MuJoCo fills up what is missing
+        if written not in (0, model.nq):  # MuJoCo would fill in missing numbers
             raise told(
                 f"{config.keyframe} has {written} positions, the model {model.nq}; correct its qpos in the MJCF file"
             )
@@ -51,10 +51,10 @@ def start_state(model: mujoco.MjModel, path: Path, config: RobotConfig, at: At) 
 
 
 def place(model: mujoco.MjModel, qpos: Array, name: str, value: Any, told: Told) -> None:
-    """Puts a joint where a page says.
+    """Sets the position of a joint in `qpos` to the page's value.
 
     Raises:
-      UserError: if there is no such joint, or it cannot be there.
+      UserError: if there is no such joint, or it cannot have that position.
     """
     names = quantities.names_in(model, "joint")
     if name not in names:
@@ -75,10 +75,10 @@ def place(model: mujoco.MjModel, qpos: Array, name: str, value: Any, told: Told)
 
 
 def waypoints(model: mujoco.MjModel, start: Array, reference: Any, at: At) -> list[tuple[float, Array]]:
-    """Time and positions (nq,) of every waypoint, the start first; only the start to hold it.
+    """Time, s, and positions (nq,) of every waypoint, the start first; the start alone means to stay there.
 
     Raises:
-      UserError: if a waypoint has no time, or a joint cannot be where it says.
+      UserError: if a waypoint has no time, or a joint cannot have its position.
     """
     points = [(0.0, start)]
     if reference == "hold":
@@ -102,13 +102,13 @@ def waypoints(model: mujoco.MjModel, start: Array, reference: Any, at: At) -> li
 def motion_through(
     model: mujoco.MjModel, points: Sequence[tuple[float, Array]], qvel: Array, samples: Array
 ) -> tuple[Array, Array]:
-    """Straight lines between waypoints.
+    """The motion along straight lines between waypoints.
 
     Args:
-      model: as it is simulated.
-      points: time, s, and positions (nq,).
-      qvel: velocities at the start, kept up where that is the only waypoint's.
-      samples: times, shape (T,), s, evenly spaced.
+      model: the model as it is simulated.
+      points: time, s, and positions (nq,) of each waypoint.
+      qvel: velocities at the start; the motion keeps them if the start is the only waypoint.
+      samples: times of the samples, shape (T,), s, evenly spaced.
 
     Returns:
       Positions (T, nq) and velocities (T, nv).

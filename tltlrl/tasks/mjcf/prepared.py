@@ -1,4 +1,4 @@
-"""The model as it is simulated: with the sensors and actuators that the page asks for, and checked."""
+"""Prepares the model for simulation: adds the page's sensors and actuators, and checks it."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def prepared(
     measures: tuple[Measure, ...] = (),
     commanded: tuple[str, ...] | None = None,
 ) -> mujoco.MjModel:
-    """The model with actuators that are added and sensors for what is measured, without what is not commanded."""
+    """The model with added actuators, sensors for all quantities, and only the commanded actuators."""
     spec = read_model(path)
     add_actuators(spec, added)
     quantities.add_sensors(spec, measures)
@@ -59,10 +59,10 @@ def prepared(
 
 
 def check_model(model: mujoco.MjModel, config: RobotConfig, at: At) -> None:
-    """Whether there is something to command, and whether its timestep divides that of the commands.
+    """Checks that the model has a command, and that its timestep divides the control timestep.
 
     Raises:
-      UserError: if not.
+      UserError: if it does not.
     """
     told = at("model")
     if not model.nu:
@@ -84,10 +84,10 @@ def check_model(model: mujoco.MjModel, config: RobotConfig, at: At) -> None:
 
 
 def steps_of(config: RobotConfig, at: At) -> int:
-    """The samples of an episode.
+    """The number of samples of an episode.
 
     Raises:
-      UserError: if they are too few or too many.
+      UserError: if there are too few or too many.
     """
     steps = round(config.duration / config.control_timestep)
     if steps < 2:

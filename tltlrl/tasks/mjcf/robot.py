@@ -1,4 +1,4 @@
-"""The task that a robot's page describes."""
+"""A robot's page as a task."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ class Robot(Task):
     """A robot from an MJCF file: features are positions and velocities of its joints, and what its sensors say."""
 
     def __init__(self, config: RobotConfig) -> None:
-        """Reads the model and finds everything that the page names in it.
+        """Reads the model, and finds everything in it that the page names.
 
         Raises:
-          UserError: naming file, line and key of what cannot be.
+          UserError: if the page has a mistake; it names file, line and key.
         """
         self.config = config
         trained, at = trained_of(config), mistakes_at(config)
@@ -101,11 +101,11 @@ class Robot(Task):
             raise at("ends_when")("it holds at the start already: no episode would begin")
 
     def make_physics(self) -> Physics:
-        """A physics of its own; the model is compiled once."""
+        """A new `Physics`; the model is compiled only once."""
         return Physics.from_model(MjModel(copy.copy(self._model)))
 
     def initial_state(self) -> tuple[Array, Array]:
-        """The start: of the page, the keyframe, or the model."""
+        """The start that the page, the keyframe or the model gives."""
         return self._start[0].copy(), self._start[1].copy()
 
     def features(self, qpos: Array, qvel: Array) -> Array:
@@ -116,17 +116,17 @@ class Robot(Task):
         return sensordata[:, self._sensors]
 
     def signals(self, features: Array, commands: Array) -> Signals:
-        """What the page's `signals` name, and `command`; a single number is a scalar, more are a vector."""
+        """The page's `signals`, and `command`; one number is a scalar, several are a vector."""
         found = {name: features[..., columns] for name, columns in self._columns.items()}
         found[observed.COMMAND] = commands
         return {name: values[..., 0] if values.shape[-1] == 1 else values for name, values in found.items()}
 
     def reference(self) -> tuple[Array, Array]:
-        """The start kept up, or straight lines between the waypoints, with the commands that hold them."""
+        """The start, or straight lines between the waypoints, with the commands that hold this motion."""
         return self._reference[0].copy(), self._reference[1].copy()
 
     def terminated(self, features: Array) -> NDArray[np.bool_]:
-        """Where the page's `ends_when` holds."""
+        """Whether the page's `ends_when` holds at each sample, (N,)."""
         if self._ends_when is None:
             return super().terminated(features)
         unknown = np.zeros((len(features), 1, len(self.command_scale)))

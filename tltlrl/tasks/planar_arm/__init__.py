@@ -1,6 +1,6 @@
-"""Planar arm domain: three links, goals and obstacles that are regions; both simulated 2D tasks of the case study.
+"""Planar arm domain: both simulated 2D tasks of the case study, with three links, goals and obstacles.
 
-The model is arm.xml, the task scene.py, the hand-made rewards rewards.py.
+The model is in arm.xml, the task in scene.py, the hand-made rewards in rewards.py.
 """
 
 from tltlrl.tasks.planar_arm.rewards import (

@@ -52,7 +52,7 @@ def reach_avoid_rewards(coefficients: ReachAvoidReward, constants: Mapping[str, 
     """The discrete and the continuous reward of eq. 3.2, on the regions of the spec.
 
     Args:
-      coefficients: of eq. 3.2.
+      coefficients: the coefficients of eq. 3.2.
       constants: the spec's: goal (x, y), goal_radius, obstacle and obstacle_radius (families), m.
 
     Raises:
@@ -77,11 +77,11 @@ def visit_in_order_rewards(coefficients: VisitInOrderReward, constants: Mapping[
     """The discrete and the continuous reward of eq. 3.5, on the regions of the spec.
 
     The state vector that the case study adds, which goals were visited, is `goals_visited`. A goal is visited at
-    the sample that enters its disc; staying inside is worth nothing. When all goals were visited none is next, and
-    all are to be avoided.
+    the sample that enters its disc; staying inside gives no reward. After the last goal there is no next one, and all
+    goals are to be avoided.
 
     Args:
-      coefficients: of eq. 3.5.
+      coefficients: the coefficients of eq. 3.5.
       constants: the spec's: goal (a family, in the order of the visits), goal_radius, obstacle and obstacle_radius
         (families), m.
 

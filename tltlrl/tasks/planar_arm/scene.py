@@ -33,7 +33,7 @@ from tltlrl.settings import check, setting
 from tltlrl.tasks.task import MOST_STEPS, Array, Joints, Quantity, Signals, Task
 
 JOINTS = ("joint_1", "joint_2", "joint_3")
-HEADING = np.triu(np.ones((3, 3)))  # angles @ HEADING: each link's angle from the x axis, the sum of those before it
+HEADING = np.triu(np.ones((3, 3)))  # angles @ HEADING: each link's angle from the x axis, a sum up to its own angle
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,8 @@ class PlanarArmConfig:
     """The arm and its episode: the settings of reach_avoid.
 
     Attributes:
-      edition: raised whenever the same settings simulate other motions, so that older results are not taken for new
-        ones. 1 had two steps of 25 ms per control step.
+      edition: raised when the same settings simulate other motions, so that old results are not taken for new ones.
+        Edition 1 had two physics steps of 25 ms per control step.
     """
 
     edition: ClassVar[int] = 2
@@ -73,7 +73,7 @@ class Physics(dm_control.mujoco.Physics):  # type: ignore[misc]  # dm_control ha
     """Simulation of the arm with its quantities by name."""
 
     def joint_angles(self) -> Array:
-        """Joint angles (3,), rad; each link's relative to the one before."""
+        """Joint angles (3,), rad, each relative to the link before."""
         return np.array(self.named.data.qpos[list(JOINTS)])
 
     def joint_velocities(self) -> Array:

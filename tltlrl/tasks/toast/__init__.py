@@ -1,6 +1,6 @@
 """Toast domain: Baxter's right arm places a slice of bread in a toaster (case study, eqs 3.7 to 3.9).
 
-The model is toast.xml, the task scene.py, the hand-made reward rewards.py.
+The model is in toast.xml, the task in scene.py, the hand-made reward in rewards.py.
 """
 
 from dataclasses import replace

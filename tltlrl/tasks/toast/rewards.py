@@ -30,15 +30,14 @@ class ToastReward:
 
 
 def toast_rewards(coefficients: ToastReward, constants: Mapping[str, Any]) -> dict[str, StepReward]:
-    """Eq. 3.9, the case study's comparison, as `continuous`.
+    """The reward `continuous`, eq. 3.9, with which the case study compares TLTL.
 
-    Near the slot, far from the toaster, the gripper closed until the slot was reached and open from then on.
-
-    The reward maps the signals `ee` (..., T, 3) and `gripper` (..., T) to (..., T). The centre of "the toaster regions"
-    from which it measures the distance is that of the toaster.
+    It rewards being near the slot, being far from the toaster, and a gripper that is closed until the slot was reached
+    and open from then on. It maps the signals `ee` (..., T, 3) and `gripper` (..., T) to (..., T). Where the equation
+    says "the toaster regions", the distance is from the centre of the toaster.
 
     Args:
-      coefficients: of eq. 3.9.
+      coefficients: the coefficients of eq. 3.9.
       constants: the spec's: slot_centre and toaster_centre, (x, y, z) in m.
 
     Raises:

@@ -97,9 +97,9 @@ ROUGH_MOTION = [  # s0, s1, e0, e1, w0, w1, w2, rad
 class ToastConfig:
     """The episode, and the rough hand-made motion that learning starts from.
 
-    The reference motion is a polyline in joint space through `waypoints` at `waypoint_steps`, the last of them held,
-    with the gripper opening at `opening_step`. In training nothing collides; `solid` is the evaluation scene, where
-    the toaster is solid and the bread a body that the gripper holds by friction.
+    The reference motion is a polyline in joint space through `waypoints` at `waypoint_steps`. It stays at the last
+    waypoint. The gripper opens at `opening_step`. In training nothing collides. `solid` is the evaluation scene: the
+    toaster is solid, and the gripper holds the bread, a body, by friction.
     """
 
     name: str = setting("name of the task", "toast")
@@ -217,7 +217,7 @@ class Toast(Task):
         return np.concatenate([qpos[..., :7], qvel[..., :7], position, roll_pitch_yaw(rotation), gripper], axis=-1)
 
     def signals(self, features: Array, commands: Array) -> Signals:
-        """What eq. 3.7 speaks of.
+        """The signals of eq. 3.7.
 
         `ee` (N, T, 3): end-effector in the base frame, m. `rotation` (N, T, 3): rotation vector from the release
         orientation to the gripper's, rad, in the gripper's axes. `gripper` (N, T): 0 closed to 100 open. `velocities`
