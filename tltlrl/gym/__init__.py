@@ -4,8 +4,8 @@
 
 This package needs the extra `gym` (pip install "tltlrl[gym]"). The reward is the spec's robustness. `telescoped`
 divides it among the steps by the potential `stages` (see docs/online.md); `final` gives all of it at the end. Without
-discount, `final` sums to the robustness. `telescoped` sums to the robustness minus the potential of the first sample, which no
-policy changes. An infinite robustness counts as -10 or 10.
+discount, `final` sums to the robustness, and `telescoped` to the robustness minus the potential of the first sample,
+which no policy changes. An infinite robustness counts as -10 or 10.
 """
 
 try:

@@ -111,7 +111,7 @@ class Outside:
 class Task(abc.ABC):
     """A robot, its start, its features s_t (`observation`), its commands u_t (`action`) and its signals.
 
-    Attributes from `sensed` on are None for a task without that capability.
+    Attributes from `sensed` on are None or empty for a task without that capability.
 
     Attributes:
       name: the task's name in configs and CSV files.
@@ -123,9 +123,9 @@ class Task(abc.ABC):
         is part of the simulation (an imperfect actuator), not of the policy.
       command_scale: the size of a full command, shape (d,); exploration is configured as a share of it.
       feedback: the gain matrix K of shape (d, n) for a feedback of 1; the configured feedback multiplies it.
-      sensed: the values of the model's sensors (N, nsensordata) => the last features (N, m). `features` gives those
-        before them, and the feedback has nothing on them: a sensor's value belongs to a sample, and the rollout knows
-        it after the command. A sensor of accelerations and forces says what it saw in the physics step before.
+      sensed: the values of the model's sensors (N, nsensordata) => the last features (N, m). `features` gives the
+        features before them. There is no feedback on them: the rollout knows the sensors' values of a sample only after
+        its command. Sensors of accelerations and forces have the values of the physics step before.
       start_spread: standard deviation of the start, shape (nv,), rad or m; drawn anew for each trajectory.
       units: signal => unit, for users.
       camera: name of the model's camera for films.
