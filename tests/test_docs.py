@@ -65,3 +65,18 @@ def test_the_page_of_tasks_lists_their_signals(name):
         next(line for line in section.splitlines() if line.startswith(row)) for row in rows
     ]
     assert f"{task.steps}" in section
+
+
+def unindented(code):
+    return "\n".join(line.strip() for line in code.splitlines() if line.strip())
+
+
+def test_the_page_on_tasks_in_python_shows_code_that_runs():
+    page = (ROOT / "docs/task-in-python.md").read_text(encoding="utf-8")
+    folder = ROOT / "examples/two_link"
+    shown = re.findall(r"^```(python|toml)\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
+    code = {"python": folder / "src/two_link/task.py", "toml": folder / "pyproject.toml"}
+    assert len(shown) == 7
+    for language, block in shown:
+        assert unindented(block) in unindented(code[language].read_text(encoding="utf-8"))
+    assert re.search(r"^    python -c .*$", page, re.MULTILINE)[0] in (folder / "README.md").read_text(encoding="utf-8")
