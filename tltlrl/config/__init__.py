@@ -1,4 +1,4 @@
-"""What the user wrote, checked: from overrides and YAML to what is asked for.
+"""Reads and checks what the user wrote: overrides and YAML => a study.
 
-Keys, their meanings and their bounds; nothing is run here.
+Keys, their meanings and their bounds are here. Nothing is run here.
 """

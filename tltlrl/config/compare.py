@@ -1,4 +1,4 @@
-"""What differs between two configs."""
+"""Compares two configs."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 
 def flatten(config: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Nested keys joined by dots."""
+    """A nested config as one mapping, with keys joined by dots."""
     flat: dict[str, Any] = {}
     for key, value in config.items():
         if isinstance(value, Mapping) and value:
@@ -21,15 +21,15 @@ def flatten(config: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 def differences(
     before: Mapping[str, Any], now: Mapping[str, Any], growing: Collection[str] = (), added: Collection[str] = ()
 ) -> str:
-    """What keeps results of one config from being continued under another, one line each; empty if nothing does.
+    """The differences that keep one config from continuing the results of another, one per line; empty if none.
 
-    A spec is the same if its file's name is, wherever it lies: its text is compared apart. So is a robot's page, whose
-    keys are all compared.
+    For a spec or a robot's page only the file's name is compared here, not its folder: the spec's text is compared
+    elsewhere, and so are all keys of the page.
 
     Args:
       before, now: the two configs.
-      growing: keys with several members, or numbers, with their sections, which may have more of them now.
-      added: keys, with their sections, that may be missing before.
+      growing: keys, with their sections, whose lists or numbers may be larger now.
+      added: keys, with their sections, that `before` may lack.
     """
     old, new = (
         {

@@ -1,6 +1,6 @@
-"""From the overrides of a command line to a config as plain data: Hydra composes, and its complaints are put into ours.
+"""Composes a config, as plain data, from the overrides of a command line; Hydra's errors become ours.
 
-Hydra is imported by those functions that need it: a command has to answer Ctrl-C before that.
+The functions that need Hydra import it themselves, because a command has to answer Ctrl-C before that.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ from tltlrl.resources import CONFIGS, user_path
 from tltlrl.store.bounded import BoundsError, check_yaml
 
 GROUPS = ("experiment", "task", "reward", "algorithm", "engine")  # chosen by the name of a file in configs/
-TEXTS = ("name", "spec", "runs_dir", "policy", "algorithm.policy")  # whatever is written there is the value
+TEXTS = ("name", "spec", "runs_dir", "policy", "algorithm.policy")  # their values are plain text, taken as written
 LISTS = ("cases", "seeds")
-FOREIGN = ("gymnasium", "suite")  # tasks that are an environment of others, by its task.id
+FOREIGN = ("gymnasium", "suite")  # tasks that are an environment of others, chosen by task.id
 OPEN = (  # sections whose keys may be missing from the config
     "constants.",
     "algorithm.",
     "reward.step.",
     *(f"task.{key}." for key in ("actuators", "feedback", "signals", "start")),
 )
-WORDS = ("null", "true", "false", "nan", "inf")  # that Hydra reads as no text
+WORDS = ("null", "true", "false", "nan", "inf")  # words that Hydra does not read as text
 
 
 def compose(overrides: Sequence[str]) -> dict[str, Any]:
-    """The config of these overrides.
+    """Composes the config of these overrides.
 
     Raises:
-      UserError: with the override that is wrong, or the file, and what would be right.
+      UserError: if an override or a file is wrong; it says which, and what would be right.
     """
     from hydra import compose as hydra_compose
     from omegaconf import OmegaConf
@@ -51,10 +51,10 @@ def compose(overrides: Sequence[str]) -> dict[str, Any]:
 
 
 def as_meant(override: str, several: bool = False) -> str:
-    """An override as Hydra has to be given it, from what its writer may mean by it.
+    """Rewrites an override so that Hydra reads it as the user meant it.
 
-    `name`, `spec`, `runs_dir` and `policy` (short for `algorithm.policy`) are plain text; with several values, as -m
-    has them, a comma separates two of them unless there is such a file. The lists `cases` and `seeds` need no brackets,
+    `name`, `spec`, `runs_dir` and `policy` (short for `algorithm.policy`) are plain text. With several values, as for
+    -m, a comma separates values, unless there is a file of that name. The lists `cases` and `seeds` need no brackets,
     which a shell may take for its own: `cases=tltl_episodic`, `seeds=7,8` and, as in Python, `seeds=7,` for the list
     of one.
     """
@@ -76,17 +76,17 @@ def as_meant(override: str, several: bool = False) -> str:
 
 
 def _text(value: str) -> str:
-    """A value that Hydra reads as this text; in quotes unless it would be read so anyway, or has them already."""
+    """A value that Hydra reads as this text: in quotes, unless it has them already or needs none."""
     in_quotes = len(value) > 1 and value[0] == value[-1] and value[0] in "'\""
     plain = re.fullmatch(r"[A-Za-z_][\w./-]*", value, flags=re.ASCII) and value.lower() not in WORDS
     return value if in_quotes or plain or "${" in value else quoted(value)
 
 
 def one_value(override: Any) -> None:
-    """Whether an override, as `parse` gives it, sets its key to one value.
+    """Checks that an override, as `parse` gives it, sets its key to one value.
 
     Raises:
-      UserError: if it has several, which only -m takes.
+      UserError: if it has several values, which only -m allows.
     """
     if not override.is_sweep_override():
         return
@@ -99,10 +99,10 @@ def one_value(override: Any) -> None:
 
 
 def completed(overrides: Sequence[str]) -> list[str]:
-    """The overrides as Hydra needs them; task=NAME without an experiment becomes one, to learn from the spec.
+    """Completes overrides for Hydra; task=NAME without an experiment becomes one that learns the task's spec.
 
     Raises:
-      UserError: if the task is a robot's page, and something is wrong with it.
+      UserError: if the task is a robot's page with a mistake.
     """
     addable = [_addable(override) for override in overrides]
     given = {key: value for key, _, value in (override.partition("=") for override in overrides)}
@@ -114,7 +114,7 @@ def completed(overrides: Sequence[str]) -> list[str]:
         return addable
     standing, name = {"name": task}, task
     if page:
-        from tltlrl.config import robot  # with MuJoCo, which a mistake elsewhere need not wait for
+        from tltlrl.config import robot  # imports MuJoCo; other mistakes are reported before that
 
         path = robot.path_of(task)
         standing, name = robot.standing(path), robot.offer(path)
@@ -131,7 +131,7 @@ def completed(overrides: Sequence[str]) -> list[str]:
 
 
 def is_page(task: str) -> bool:
-    """Whether the value of `task` is the file of a robot's page, and not a name."""
+    """Whether the value of `task` is a path to a robot's page, not a name."""
     return task.strip("'\"").lower().endswith((".yaml", ".yml"))
 
 
@@ -144,10 +144,10 @@ def spec_of(task: str) -> str | None:
 
 
 def parse(overrides: Sequence[str]) -> list[Any]:
-    """Hydra's reading of overrides, each a hydra.core.override_parser.types.Override.
+    """Parses overrides with Hydra; each becomes a hydra.core.override_parser.types.Override.
 
     Raises:
-      UserError: if one cannot be read, or names no file where one is chosen (task=null).
+      UserError: if an override cannot be read, or chooses no file for a group (task=null).
     """
     from hydra.core.override_parser.overrides_parser import OverridesParser
 
@@ -164,7 +164,7 @@ def parse(overrides: Sequence[str]) -> list[Any]:
 
 
 def searchpath(config_dir: Path | None) -> list[str]:
-    """The overrides that make Hydra look for files in a folder, too.
+    """The overrides that make Hydra look for files in another folder too.
 
     Raises:
       UserError: if there is no such folder, or a file in it is out of bounds.
@@ -173,7 +173,7 @@ def searchpath(config_dir: Path | None) -> list[str]:
         return []
     if not config_dir.is_dir():
         raise UserError(f"--config-dir {config_dir}: there is no such folder")
-    for path in (*config_dir.glob("*.yaml"), *config_dir.glob("*/*.yaml")):  # Hydra would unfold whatever is in it
+    for path in (*config_dir.glob("*.yaml"), *config_dir.glob("*/*.yaml")):  # Hydra would unfold all aliases
         try:
             check_yaml(path)
         except BoundsError as error:
@@ -182,14 +182,14 @@ def searchpath(config_dir: Path | None) -> list[str]:
 
 
 def quoted(text: str) -> str:
-    """A text as the value of an override, whatever is in it."""
+    """Any text, quoted as the value of an override."""
     from hydra.core.override_parser.types import Quote, QuotedString
 
     return str(QuotedString(text, Quote.double).with_quotes())
 
 
 def initialized() -> contextlib.AbstractContextManager[Any]:
-    """Hydra with the configs that come with tltlrl."""
+    """A context in which Hydra is set up with the configs that come with tltlrl."""
     from hydra import initialize_config_dir
 
     _offer_tasks()
@@ -200,13 +200,13 @@ def initialized() -> contextlib.AbstractContextManager[Any]:
 
 
 def _offer_tasks() -> None:
-    """Tells Hydra of the tasks of installed packages, which have no files in configs/: their defaults are in code."""
+    """Adds the tasks of installed packages to Hydra's choices; their defaults are in code, not in configs/."""
     from hydra.core.config_store import ConfigStore
 
     for name in TASKS.names():
         if name in TASKS.built_in:
             continue
-        with contextlib.suppress(Exception):  # told to those who choose it
+        with contextlib.suppress(Exception):  # reported if the user chooses it
             entry = TASKS.get(name)
             for group, kind in (("task", entry.config), ("reward", entry.reward)):
                 ConfigStore.instance().store(name, dataclasses.asdict(kind()), group)
@@ -214,7 +214,7 @@ def _offer_tasks() -> None:
 
 @contextlib.contextmanager
 def complaints_told(overrides: Sequence[str]) -> Iterator[None]:
-    """What Hydra finds wrong with the overrides and the files that they name, as a UserError."""
+    """Turns Hydra's errors about overrides and the files that they name into a UserError."""
     import yaml
     from hydra.errors import ConfigCompositionException, HydraException, OverrideParseException
     from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
@@ -243,18 +243,18 @@ def complaints_told(overrides: Sequence[str]) -> Iterator[None]:
 
 
 def names(group: str) -> list[str]:
-    """What can be chosen of a group: the files that come with tltlrl, and the tasks of installed packages."""
+    """The choices of a group: files that come with tltlrl, and tasks of installed packages."""
     files = {path.stem for path in (CONFIGS / group).glob("*.yaml")}
     return sorted(files.union(TASKS.names()) if group == "task" else files)
 
 
 def _addable(override: str) -> str:
-    """Hydra wants ++ before a key that the config may not have yet: a spec's constant, a learner's own, a name."""
+    """Puts ++ before a key that the config may lack (a spec's constant, a learner's own, a name), as Hydra wants."""
     return f"++{override}" if override.startswith(OPEN) else override
 
 
 def one_seed(value: str | None) -> str:
-    """How to ask for one seed, which `seeds=3` does not."""
+    """Advice on how to ask for one seed; `seeds=3` asks for three."""
     number = value if value and value.isdecimal() else "3"
     return f"write 'seeds=[{number}]' for the seed {number} alone; seeds={number} is how many, from 0 on"
 
@@ -284,7 +284,7 @@ def _explain_composition(error: Any, overrides: Sequence[str]) -> str:
     if options is not None and error.missing_cfg_file:
         group, _, name = error.missing_cfg_file.rpartition("/")
         if group == "task" and name in TASKS.names():
-            TASKS.get(name)  # says why it could not be offered
+            TASKS.get(name)  # raises the reason why it could not be added
         return f"{group}={name}: there is no such {group}{nearest(name, options)}"
     text = str(error)
     if unknown := re.match(r"Could not (?:override|delete from config|append to config)[^']*'([^']+)'", text):

@@ -1,7 +1,7 @@
-"""The table of keys: what each key of a config means, may be, and is for.
+"""The table of keys: the meaning, the bounds and the role of each key of a config.
 
-Here are the top-level keys. Those of the sections `task`, `reward`, `algorithm` and `engine` are the fields of the
-dataclasses that the sections become, and say the same of themselves: see `tltlrl.settings` and `sections`.
+Top-level keys are here. The keys of the sections `task`, `reward`, `algorithm` and `engine` are the fields of their
+dataclasses, which hold the same data: see `tltlrl.settings` and `sections`.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from tltlrl.training.study import MOST_SEEDS, AlgorithmConfig, Study
 
 
 class Role(Flag):
-    """What a key is for.
+    """The role of a key.
 
-    RESULT: another value makes another experiment. NAMES: so does this, and it says where the results lie. GROWS: more
-    of it extends a folder. BUDGET: it is for one command alone, as it makes results cheaper or dearer; the command of a
-    search's best candidate leaves it out. SEARCHED: `tltl search` may vary it. MACHINERY: how, but not what; a result's
-    config.yaml leaves it out.
+    RESULT: another value makes another experiment. NAMES: the same, and it names the folder of the results. GROWS: a
+    larger value extends a folder. BUDGET: it decides how much is computed; the command for a search's best candidate
+    leaves it out. SEARCHED: `tltl search` may vary it. MACHINERY: it changes no result; a result's config.yaml leaves
+    it out.
     """
 
     RESULT = auto()
@@ -40,10 +40,10 @@ class Key:
     """One top-level key.
 
     Attributes:
-      kinds: the types that it may have.
+      kinds: the types that its value may have.
       setting: its meaning and its bounds.
-      role: what it is for.
-      default: of machinery, for a config that does not say it.
+      role: its role.
+      default: the default of a machinery key, for a config without it.
     """
 
     kinds: tuple[type, ...]
@@ -81,21 +81,21 @@ def having(role: Role) -> list[str]:
 
 
 def kept() -> list[str]:
-    """The keys of a result's config.yaml: those that say what it is, and not how it was computed."""
+    """The keys in a result's config.yaml: all but machinery."""
     return [name for name, key in KEYS.items() if not key.role & Role.MACHINERY]
 
 
 def machinery_defaults() -> dict[str, Any]:
-    """What makes a whole config of a result's config.yaml."""
+    """The defaults of machinery, which a result's config.yaml lacks."""
     return {name: key.default for name, key in KEYS.items() if key.role & Role.MACHINERY}
 
 
 def sections(task: str, learners: Iterable[str]) -> dict[str, Mapping[str, Setting]]:
-    """Section => its key => what that means and may be.
+    """Section => key => its meaning and its bounds.
 
     Args:
-      task: a name of the registry.
-      learners: names of the registry.
+      task: a name in the registry of tasks.
+      learners: names in the registry of learners.
 
     Raises:
       UserError: if there is no such task or learner.
@@ -110,9 +110,9 @@ def sections(task: str, learners: Iterable[str]) -> dict[str, Mapping[str, Setti
 
 
 def algorithm_settings(learners: Iterable[type]) -> dict[str, Setting]:
-    """The keys of the section `algorithm`, for these learners' own dataclasses.
+    """The keys of the section `algorithm`, with the own keys of these learners.
 
-    Those of REPS are always there, since configs/algorithm/reps.yaml has values for them.
+    The keys of REPS are always there, because configs/algorithm/reps.yaml has values for them.
     """
     found = settings_of(AlgorithmConfig) | settings_of(RepsSettings)
     for kind in learners:
@@ -121,11 +121,11 @@ def algorithm_settings(learners: Iterable[type]) -> dict[str, Setting]:
 
 
 def is_budget(key: str, learners: Iterable[type]) -> bool:
-    """Whether a key of a config, dotted within its section, is for one command alone; see `Role.BUDGET`.
+    """Whether a key of a config, with its section, has the role `Role.BUDGET`.
 
     Args:
-      key: as an override has it.
-      learners: the dataclasses of the settings of those that the config is for.
+      key: the key as in an override.
+      learners: the settings dataclasses of the config's learners.
     """
     section, _, name = key.partition(".")
     if section == "algorithm":

@@ -23,7 +23,7 @@ class Machinery:
 
     Attributes:
       workers: processes; None for one per processor.
-      address: of a Dask scheduler; None for this machine.
+      address: address of a Dask scheduler; None for this machine.
       runs_dir: the folder above those of the experiments.
       overwrite: whether to delete an older folder of the same name first.
     """
@@ -39,5 +39,5 @@ class Machinery:
             raise UserError("runs_dir: it is empty; give the folder above the experiments' folders, or . for this one")
 
     def folder(self, name: str) -> Path:
-        """Where the results of the study of that name lie."""
+        """The folder for the results of a study with this name."""
         return user_path(self.runs_dir) / name

@@ -1,4 +1,4 @@
-"""From a composed config to the study it describes; what is wrong in it is told here, before anything runs."""
+"""Turns a composed config into the study that it describes, and reports mistakes before anything runs."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ def read(config: Mapping[str, Any]) -> tuple[Study, Machinery]:
     """Reads and checks a config (plain dicts and lists, interpolations resolved).
 
     Raises:
-      UserError: naming the key, what is wrong with it and what would be right.
-      SpecError: if the spec is wrong.
+      UserError: if a key is wrong; it names the key, what is wrong and what would be right.
+      SpecError: if the spec has a mistake.
     """
     config = _of_the_right_kinds(config)
     address = dataclass_from(Engine, config["engine"], "engine").address
     machinery = Machinery(config["workers"], address, config["runs_dir"], config["overwrite"])
-    # What is wrong with these is told before MuJoCo is imported, which takes longer than finding it.
+    # Mistakes in these keys are reported before MuJoCo is imported, which is slow.
     seeds = seeds_of(config["seeds"])
     spec = load_spec(spec_path(config["spec"]), config["constants"])
 
@@ -82,10 +82,10 @@ def _of_the_right_kinds(config: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def case_of(name: str, hand_made: Sequence[str]) -> Case:
-    """The case of a name <reward>_<learner>.
+    """The case with a name <reward>_<learner>.
 
     Args:
-      name: such as tltl_episodic.
+      name: a name such as tltl_episodic.
       hand_made: the task's hand-made rewards.
 
     Raises:
@@ -103,9 +103,9 @@ def case_of(name: str, hand_made: Sequence[str]) -> Case:
 def _algorithm(
     values: Mapping[str, Any], learners: Iterable[str], where: str = "algorithm"
 ) -> tuple[AlgorithmConfig, dict[str, Any]]:
-    """The section `algorithm`: what is the same for every learner, and each learner's own settings by its name.
+    """The section `algorithm`: the settings that all learners share, and learner => its own settings.
 
-    A learner's setting that the config does not give has its default.
+    A learner's own key that the config lacks gets its default.
     """
     kinds = {name: LEARNERS.get(name).Settings for name in learners}
     _known(values, algorithm_settings(kinds.values()), where)
@@ -139,7 +139,7 @@ def _refinement(values: Mapping[str, Any], learners: Iterable[str]) -> dict[str,
 
 
 def seeds_of(seeds: int | Sequence[int]) -> tuple[int, ...]:
-    """The seeds that a config's key `seeds` means: these, or the first n.
+    """The seeds that the key `seeds` stands for: a list of seeds, or a number n for the first n.
 
     Raises:
       UserError: if there are too many.
@@ -152,16 +152,16 @@ def seeds_of(seeds: int | Sequence[int]) -> tuple[int, ...]:
 
 
 def dataclass_from(kind: type[Settings], values: Mapping[str, Any], where: str, defaults: bool = False) -> Settings:
-    """An instance of a config dataclass, its keys and types checked.
+    """Makes an instance of a config dataclass, with keys and types checked.
 
     Args:
       kind: the dataclass; it checks its own bounds.
       values: field => value.
       where: the section, for messages.
-      defaults: whether a field may be left out that has a default.
+      defaults: whether fields with a default may be left out.
 
     Raises:
-      UserError: naming `where`.key.
+      UserError: if a key is wrong; it names `where`.key.
     """
     names = [field.name for field in dataclasses.fields(kind)]  # type: ignore[arg-type]
     _known(values, names, where)

@@ -1,4 +1,4 @@
-"""A robot's page as a task that can be chosen: `task=./arm.yaml`."""
+"""Makes a robot's page a task that can be chosen: `task=./arm.yaml`."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from tltlrl.tasks.task import NoReward
 
 
 def path_of(task: str) -> Path:
-    """The page's file.
+    """The path of the page.
 
     Raises:
-      UserError: if there is none.
+      UserError: if there is no such file.
     """
     path = Path(task.strip("'\"")).expanduser()
     if not path.is_file():
@@ -29,10 +29,10 @@ def path_of(task: str) -> Path:
 
 
 def config_of(path: Path) -> RobotConfig:
-    """What a page says, with the digest of its model.
+    """The config on a page, with the digest of its model.
 
     Raises:
-      UserError: naming file, line and key of what is wrong.
+      UserError: if the page has a mistake; it names file, line and key.
     """
     config = RobotConfig(file=str(path), **read_page(path).values)
     return dataclasses.replace(config, digest=page_digest(config))
@@ -45,7 +45,7 @@ def standing(path: Path) -> dict[str, str]:
 
 
 def offer(path: Path) -> str:
-    """Tells Hydra of a page; the name by which it can be chosen as a task, and the reward that it has not."""
+    """Adds a page to Hydra's choices as a task; returns its name there."""
     from hydra.core.config_store import ConfigStore
 
     name = f"page_{digest(str(path).encode())[:16]}"

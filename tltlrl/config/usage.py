@@ -14,7 +14,7 @@ from tltlrl.registry import LEARNERS, TASKS
 from tltlrl.resources import SPECS
 
 WIDTH = 96
-SHOWN = (*GROUPS, "cases", "spec", "hydra.searchpath")  # what the page depends on
+SHOWN = (*GROUPS, "cases", "spec", "hydra.searchpath")  # keys that the page depends on
 
 USAGE = """\
 tltl-run: learn a robot task from its temporal-logic spec, and compare rewards over seeds.
@@ -53,7 +53,7 @@ Exit codes: 0 done; 1 a run failed; 2 the command, config or spec has to be corr
 
 
 def usage(overrides: Sequence[str]) -> str:
-    """The page; of the experiment or task among the overrides, if there is one."""
+    """The help page, for the experiment or task among the overrides, if there is one."""
     experiments = names("experiment")
     chosen = [override for override in overrides if override.partition("=")[0] in SHOWN]
     given = dict(override.split("=", 1) for override in chosen)
@@ -96,7 +96,7 @@ def _described(settings: Mapping[str, Any]) -> list[str]:
 
 
 def _line(key: str, value: Any, meaning: str | None) -> list[str]:
-    """A key as YAML, with its meaning beside it or, where there is no room, above."""
+    """The lines of a key as YAML, with its meaning beside it, or above if there is no room."""
     import yaml
 
     flow = None if isinstance(value, list | dict) else False  # None: only the innermost lists in one line

@@ -1,4 +1,4 @@
-"""Many runs in one folder: which are missing, where they are computed, who made them.
+"""Many runs in one folder: which are missing, where they are computed, what they were made with.
 
-Experiments, engine, manifest, progress, `-m` and search.
+Experiments, engine, manifest, progress, `-m` and search are here.
 """

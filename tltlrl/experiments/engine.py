@@ -1,7 +1,7 @@
-"""Where runs are computed: in this process, in processes of this machine, or on a running Dask scheduler.
+"""Computes runs in this process, in processes of this machine, or on a running Dask scheduler.
 
-All three call the same `train` on the same folders, so all three write the same bytes. The run of a worker that died is
-given to another one; the run itself goes on from its checkpoint.
+All three call the same `train` on the same folders, so all three write the same bytes. If a worker dies, another one
+resumes its run from the checkpoint.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ def run_all(
     on_end: OnEnd,
     say: Callable[[str], None],
 ) -> None:
-    """Computes every job; one that fails is reported through `on_end` and the others go on.
+    """Computes every job. A job that fails is reported through `on_end`, and the others go on.
 
     Args:
       jobs: runs and their folders.
       workers: processes of this machine; 1 computes in this process. Ignored with an address.
       address: of a Dask scheduler whose workers see the same files.
-      on_progress, on_end: called in this process; the latter with the machine that computed the run.
-      say: told what is waited for.
+      on_progress, on_end: called in this process; `on_end` with the machine that computed the run.
+      say: called with messages for the user, such as what the command waits for.
 
     Raises:
-      UserError: if the scheduler cannot be reached, or no process be started.
+      UserError: if the scheduler cannot be reached, or no process can be started.
       KeyboardInterrupt: on Ctrl-C, after the workers of this machine were stopped.
     """
     if address is None and workers == 1:

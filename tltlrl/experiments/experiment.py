@@ -1,4 +1,4 @@
-"""Many runs: every case with every seed, in one folder, then the tables and figures of what they show."""
+"""Computes an experiment: every case with every seed in one folder, then tables and figures."""
 
 from __future__ import annotations
 
@@ -45,20 +45,20 @@ from tltlrl.training.build import cut_windows, make_task, unlike_resets
 from tltlrl.training.session import learned_policy
 from tltlrl.training.study import Run, Study
 
-RECORDS = 100  # how often manifest.json is written in a session, at most: it lists every run
+RECORDS = 100  # most writes of manifest.json in a session, because it lists every run
 
 
 def processors() -> int:
-    """How many this process may use; those of the whole machine where, as on macOS, the system does not say."""
+    """How many processors this process may use; all of the machine if the system does not say it, as on macOS."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def run_experiment(study: Study, machinery: Machinery, command: list[str]) -> bool:
-    """Computes what is missing of a study and writes its tables and figures.
+    """Computes the missing runs of a study, and writes its tables and figures.
 
     Args:
       study: what to do.
-      machinery: how, and where to.
+      machinery: how to do it, and where.
       command: the command line, for the manifest.
 
     Returns:
@@ -90,7 +90,7 @@ def run_experiment(study: Study, machinery: Machinery, command: list[str]) -> bo
             recorded = manifest(whole, before, session)
             write_json(folder / MANIFEST, recorded)
 
-        if missing or before is None:  # otherwise nothing here is of this session, and the manifest stays as it is
+        if missing or before is None:  # otherwise this session computed nothing, and the manifest does not change
             session = start_session(command)
             record(session)
 
@@ -131,9 +131,9 @@ def run_experiment(study: Study, machinery: Machinery, command: list[str]) -> bo
 
 
 def draw_cases(folder: Path, study: Study, results: Mapping[Path, Mapping[str, Any]]) -> None:
-    """The workspace of every case, if the task has one: the seed with the median robustness of the mean policy.
+    """Draws the workspace of every case, if the task has one, for the seed with the median robustness.
 
-    Pictures that are whole and of this seed's policies stay.
+    Complete pictures of the same policies are kept.
     """
     if not has_path(make_task(study.task), study.spec):
         return
@@ -166,17 +166,17 @@ def compute(
     progress: Progress,
     computed: Callable[[Run, str], None],
 ) -> dict[str, str]:
-    """Computes runs; what failed, as case/seed_k => message.
+    """Computes runs and returns the failures, case/seed_k => message.
 
     Args:
-      folder: of the experiment.
-      study, machinery: what, and how.
-      missing: the runs.
-      progress: told of them.
-      computed: called with every run that has finished, and the machine that computed it.
+      folder: folder of the experiment.
+      study, machinery: what to compute, and how.
+      missing: the runs to compute.
+      progress: shows how far they are.
+      computed: called with every finished run and the machine that computed it.
 
     Raises:
-      OSError: if files cannot be written, which the runs that are left could not either.
+      OSError: if files cannot be written; the remaining runs would fail too.
     """
     jobs = [(run, run_folder(folder, run).resolve()) for run in missing]
     failures: dict[str, str] = {}

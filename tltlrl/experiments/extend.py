@@ -20,14 +20,14 @@ from tltlrl.store.files import clear_leftovers, digest, write_bytes, write_text
 from tltlrl.store.layout import CONFIG, MANIFEST, SPECS, START
 from tltlrl.training.study import Study, with_later
 
-ITERATIONS = "algorithm.iterations"  # more of them go on where fewer have ended
+ITERATIONS = "algorithm.iterations"  # more iterations go on where fewer have ended
 
 
 def check_ours(folder: Path, study: Study) -> None:
-    """Whether a folder is there for our results, looked at before anything in it is written, its lock included.
+    """Checks that a folder may take our results, before anything in it is written, even its lock.
 
     Raises:
-      UserError: if it holds something else, or what is written into it would go elsewhere through a link.
+      UserError: if it holds something else, or a link in it would lead our files elsewhere.
     """
     if not folder.is_dir():
         return
@@ -45,10 +45,10 @@ def prepare(folder: Path, study: Study, overwrite: bool) -> tuple[Study, list[st
     """Makes the folder ready: new, emptied with overwrite=true, or the same experiment's.
 
     Returns:
-      The study with the seeds that the folder has already, and what was damaged in it and was mended.
+      The study with the folder's earlier seeds added, and messages about damage that was repaired.
 
     Raises:
-      UserError: if it holds something else, with the difference.
+      UserError: if it holds something else; it shows the difference.
     """
     clear_leftovers(folder)
     clear_leftovers(folder / SPECS)
@@ -98,7 +98,7 @@ def prepare(folder: Path, study: Study, overwrite: bool) -> tuple[Study, list[st
 
 
 def with_seeds(study: Study, before: Any) -> Study:
-    """The study with these seeds, too, as a config gives them: asking for fewer is no other experiment."""
+    """The study with seeds of a config added: asking for fewer seeds makes no other experiment."""
     had = seeds_of(before)
     if set(had) <= set(study.seeds):
         return study
@@ -108,7 +108,7 @@ def with_seeds(study: Study, before: Any) -> Study:
 
 
 def changes(before: Mapping[str, Any], study: Study) -> str:
-    """What makes a study another one than that of a result's config.yaml, one line each.
+    """The differences that make a study another one than a result's config.yaml, one per line.
 
     It may have more cases and iterations and any seeds, and the settings of a learner that had no case before.
     """
@@ -136,10 +136,10 @@ def changes(before: Mapping[str, Any], study: Study) -> str:
 def _settings_before(folder: Path, known: Mapping[str, Any] | None) -> tuple[dict[str, Any] | None, bool]:
     """The config of the results in `folder`, and whether it had to be taken from the manifest `known`.
 
-    None if there is nothing but what a start leaves behind.
+    None if there is nothing but what a start that was stopped leaves behind.
 
     Raises:
-      UserError: if the folder holds anything else; it is neither written to nor, with overwrite=true, deleted.
+      UserError: if the folder holds anything else; then nothing is written or deleted, even with overwrite=true.
     """
     names = {entry.name for entry in folder.iterdir() if not entry.name.startswith(".")}
     if not names - {SPECS, START}:

@@ -18,7 +18,7 @@ from tltlrl.store.lock import BusyError, held
 
 @contextlib.contextmanager
 def working_in(folder: Path) -> Iterator[None]:
-    """Holds the folder for this process.
+    """Locks the folder for this process.
 
     Raises:
       UserError: if another process holds it, or it cannot be written.
@@ -31,7 +31,7 @@ def working_in(folder: Path) -> Iterator[None]:
 
 
 def read_record(file: Path, keys: Collection[str]) -> dict[str, Any] | None:
-    """What a YAML file says that has exactly these keys; None if there is no such file."""
+    """The content of a YAML file with exactly these keys; None if there is no such file."""
     try:
         content = read_yaml(file)
     except (OSError, ValueError, yaml.YAMLError):  # ValueError: not UTF-8
@@ -40,14 +40,14 @@ def read_record(file: Path, keys: Collection[str]) -> dict[str, Any] | None:
 
 
 def is_record(content: Any, keys: Collection[str]) -> bool:
-    """Whether it is a mapping with exactly these keys."""
+    """Whether the content is a mapping with exactly these keys."""
     return isinstance(content, dict) and set(content) == set(keys)
 
 
 def empty(folder: Path, record: Path) -> None:
     """Deletes everything in the folder but its lock.
 
-    The record goes last: stopped on the way, the folder is still known for one of ours.
+    The record goes last: if this is stopped halfway, the folder can still be recognised as ours.
     """
     for entry in sorted(folder.iterdir(), key=lambda entry: entry == record):
         if entry.name != LOCK:

@@ -1,4 +1,4 @@
-"""The journal of a search, Optuna's: which candidates there are. What they are worth their sealed runs say."""
+"""The journal of a search, in Optuna's format. It lists the candidates; their values come from their sealed runs."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 
 def open_journal(journal: Path) -> optuna.Study:
-    """Optuna's study kept in a journal file, which is made if there is none.
+    """Opens Optuna's study in a journal file, which is made if there is none.
 
-    Whoever was killed may have left a lock, and half a line at the end, which stands for nothing done: both go. The
+    A killed process may have left a lock and half a line at the end, which records nothing; both are removed. The
     caller holds the folder's own lock, so nobody else is writing.
 
     Raises:
@@ -41,11 +41,11 @@ def open_journal(journal: Path) -> optuna.Study:
 
 
 def proven(candidates: Sequence[FrozenTrial], values: Mapping[int, float]) -> list[FrozenTrial]:
-    """The candidates with the values that their runs say; the complete ones among them that have none have failed.
+    """The candidates with the values from their runs; complete candidates without a value count as failed.
 
     Args:
-      candidates: of the journal.
-      values: number => objective, of every candidate whose runs are whole.
+      candidates: candidates in the journal.
+      values: number => objective, for every candidate whose runs are whole.
     """
     from optuna.trial import TrialState
 

@@ -1,4 +1,4 @@
-"""`tltlrl.learn`: one run from code, as in a notebook; the same bytes as the command `tltl-run` would give."""
+"""`tltlrl.learn`: one run from Python, such as in a notebook, with the same bytes as from the command `tltl-run`."""
 
 from __future__ import annotations
 
@@ -31,16 +31,16 @@ from tltlrl.training.verdict import motions
 
 @dataclass(frozen=True)
 class Learned:
-    """What a run has learned.
+    """The results of a run.
 
     Attributes:
       run: what was asked for.
-      folder: its files.
-      policy: the learned one.
-      calm: the same motion made calm (docs/calm.md), if `algorithm.calm` asked for it and the spec is satisfied.
+      folder: folder of its files.
+      policy: the learned policy.
+      calm: the policy of the calm motion (docs/calm.md), if `algorithm.calm` asks for it and the spec is satisfied.
       curves: one row per iteration; runs/README.md says what the columns mean.
       robustness: of the mean motion; above 0 the spec is satisfied.
-      successes, trials: how many noisy trials satisfied it, and of how many.
+      successes, trials: how many noisy trials satisfied the spec, and how many there were.
     """
 
     run: Run
@@ -53,26 +53,26 @@ class Learned:
     calm: Policy | None = None
 
     def signals(self, policy: Policy | None = None) -> dict[str, np.ndarray]:
-        """The mean motion: name => (T,) or (T, k), as `Spec.explain` and others take it with a leading axis.
+        """The signals of the mean motion: name => (T,) or (T, k); add a leading axis for `Spec.explain` and others.
 
         Args:
-          policy: whose motion; the learned one if not given.
+          policy: the policy that moves; the learned one if not given.
         """
         moved = motions(self.run, policy or self.policy, 0, np.random.default_rng(0))
         return {name: values[0, : moved.lengths[0]] for name, values in moved.signals.items()}
 
     def picture(self, policy: Policy | None = None) -> Image.Image:
-        """The learned motion, if there is a point whose path can be drawn; else the learning curve.
+        """A picture of the motion, if there is a point whose path can be drawn; otherwise the learning curve.
 
         Args:
-          policy: whose motion; the learned one if not given.
+          policy: the policy that moves; the learned one if not given.
         """
         if not can_draw(self.run):
             return self.curve()
         return _image(workspace_figure(self.run, policy or self.policy))
 
     def curve(self) -> Image.Image:
-        """Robustness against iterations."""
+        """A picture of the learning curve: robustness against iterations."""
         return _image(curves_figure({str(self.curves["task"].iloc[0]): self.curves}))
 
 
@@ -94,16 +94,16 @@ def learn(
 
     Args:
       task: its name, as in `tltl-run task=NAME`.
-      spec: of what is to be learned: a file, the name of one that comes with tltlrl, or a `Spec`. That of the task if
-        not given.
+      spec: what to learn: a file, the name of a spec that comes with tltlrl, or a `Spec`; the task's own spec if not
+        given.
       iterations: policy updates.
-      seed: of all noise.
+      seed: seed of all noise.
       case: <reward>_<learner>.
       settings: any other key of the config, as {"algorithm.samples": 30} or {"experiment": "reach_avoid_best"}.
-      folder: for its files, one of its own; a run that was stopped there is gone on with. A temporary one if not given.
+      folder: a folder for this run alone; a run that was stopped there is resumed. A temporary one if not given.
 
     Raises:
-      UserError, SpecError: naming what has to be mended.
+      UserError, SpecError: if something has to be mended; the message says what.
     """
     place = Path(tempfile.mkdtemp(prefix="tltlrl-")) if folder is None else Path(folder)
     place.mkdir(parents=True, exist_ok=True)
@@ -133,7 +133,7 @@ def learn(
 
 
 def _written(value: Any) -> str:
-    """A value as an override has it."""
+    """A value as the text of an override."""
     if isinstance(value, str):
         return quoted(value)
     if isinstance(value, list | tuple):

@@ -1,4 +1,4 @@
-"""What a result was made with: versions, code, machine, config, spec."""
+"""The manifest of an experiment: the versions, code, machine, config and spec that it was made with."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SEAL = "sha256"
 
 
 def start_session(command: list[str]) -> dict[str, Any]:
-    """Who computes from now on: command line, time, versions, code, machine."""
+    """The record of a session that begins now: command line, time, versions, code, machine."""
     return {
         "command": command,
         "started": _now(),
@@ -63,8 +63,8 @@ def manifest(study: Study, before: Mapping[str, Any] | None, session: Mapping[st
 
     Args:
       study: what is computed.
-      before: the manifest of the sessions before, if any.
-      session: this one.
+      before: the manifest of earlier sessions, if any.
+      session: the present session.
     """
     first, later = (before, [*before["later_sessions"], session]) if before else (session, [])
     sessions = {key: first[key] for key in session if key in first} | {"later_sessions": later}
@@ -73,7 +73,7 @@ def manifest(study: Study, before: Mapping[str, Any] | None, session: Mapping[st
 
 
 def put_right(study: Study, changed: Mapping[str, Any]) -> dict[str, Any]:
-    """A manifest that was changed, with what was asked for put right; what it says of sessions stays, marked.
+    """Repairs a manifest that was changed: puts what was asked for right, and keeps its sessions with a mark.
 
     Args:
       study: what the folder holds.
@@ -93,18 +93,18 @@ def _asked(study: Study) -> dict[str, Any]:
 
 
 def _sealed(content: Mapping[str, Any]) -> dict[str, Any]:
-    """With a digest of all of it: against accidents and careless hands, and no signature."""
+    """The manifest with a digest of its content. It protects against accidents, but is no signature."""
     rest = {key: value for key, value in content.items() if key != SEAL}
     return {**rest, SEAL: digest(json.dumps(rest, sort_keys=True).encode())}
 
 
 def intact(content: Mapping[str, Any]) -> bool | None:
-    """Whether a manifest is as it was written; None if it has no seal, as those of 0.1."""
+    """Whether a manifest is as it was written; None if it has no seal, as in version 0.1."""
     return _sealed(content)[SEAL] == content[SEAL] if SEAL in content else None
 
 
 def read_manifest(path: Path) -> dict[str, Any] | None:
-    """manifest.json as it is; None if there is none, or none that was written whole."""
+    """The content of manifest.json; None if there is none, or it is not whole."""
     try:
         content = read_json(path)
     except (OSError, ValueError):
@@ -126,12 +126,12 @@ def _now() -> str:
 
 
 def settings_in(path: Path) -> dict[str, Any]:
-    """The config of a manifest.json, as a whole config: results beside the old ones, the spec's text as it was.
+    """A complete config from a manifest.json, for results beside the old ones, with the spec's text as it was.
 
-    Machinery is never taken from the file: what is deleted, and to whom the command connects, it alone says.
+    Machinery is never taken from the file: only the command decides what to delete and where to connect.
 
     Raises:
-      UserError: if it cannot be read.
+      UserError: if the manifest cannot be read.
     """
     content = read_manifest(path)
     if content is None:
@@ -170,7 +170,7 @@ def _difference(path: Path, content: Mapping[str, Any]) -> str:
 
 
 def with_start_of(folder: Path, settings: Mapping[str, Any]) -> dict[str, Any]:
-    """A result's config that starts from the result's own copy of the policy that it started from, if it did."""
+    """A result's config, with `algorithm.policy` replaced by the result's own copy of that file, if it has one."""
     copy = folder / START
     if not (settings["algorithm"].get("policy") and copy.exists()):
         return dict(settings)
@@ -184,13 +184,13 @@ def spec_name(study: Study) -> str:
 
 @functools.cache
 def _versions() -> dict[str, str]:
-    """Everything installed beside tltlrl: what it depends on depends on more, and any of it can move a result."""
+    """The versions of all installed packages, because any dependency of a dependency can change a result."""
     installed = {re.sub("[-_.]+", "-", d.name).lower(): d.version for d in importlib.metadata.distributions()}
     return dict(sorted(installed.items()))
 
 
 def _git() -> dict[str, Any] | None:
-    """Commit and whether the tree had changes; null if this code is not part of a checkout."""
+    """The commit, and whether the tree had changes; None if this code is not in a checkout."""
 
     def git(*arguments: str) -> str:
         folder = Path(__file__).parent

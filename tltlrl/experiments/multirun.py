@@ -1,7 +1,7 @@
-"""`tltl-run -m`: one experiment per combination of swept values, all of them checked before the first one starts.
+"""`tltl-run -m`: one experiment per combination of swept values, all checked before the first one starts.
 
-Hydra's launcher runs them, one after the other or (hydra/launcher=...) as jobs of a cluster. Its sweeper is not asked:
-it finds a mistake in a combination when that one's turn comes.
+Hydra's launcher runs them, one after the other or (hydra/launcher=...) as jobs of a cluster. Hydra's sweeper is not
+used: it would notice a mistake in a combination only when it starts that one.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ def run_combinations(overrides: Sequence[str], start: Callable[[dict[str, Any]],
     """Starts every combination.
 
     Args:
-      overrides: of all of them; some have several values.
-      start: runs the experiment of a config, says what is wrong, and returns its exit code; perhaps in another process.
+      overrides: the overrides of all combinations; some have several values.
+      start: runs the experiment of a config, perhaps in another process, reports mistakes, and returns the exit code.
 
     Returns:
       The first exit code that is not 0.
 
     Raises:
-      UserError, SpecError: if any combination is no experiment; nothing was started then.
+      UserError, SpecError: if any combination makes no experiment; then nothing was started.
     """
     hydras, swept = combinations(overrides)
     names = _checked([[*hydras, *combination] for combination, _ in swept], [values for _, values in swept])
@@ -58,10 +58,10 @@ def run_combinations(overrides: Sequence[str], start: Callable[[dict[str, Any]],
 
 
 def combinations(overrides: Sequence[str]) -> tuple[list[str], list[tuple[list[str], list[str]]]]:
-    """Takes overrides apart.
+    """Divides overrides into Hydra's own and those of every combination.
 
     Returns:
-      Those of Hydra itself; for every combination all of its other overrides, and the swept ones among them.
+      Hydra's own overrides; for every combination, all its other overrides and the swept ones among them.
 
     Raises:
       UserError: if an override cannot be read, or has no finite number of values.
@@ -89,9 +89,9 @@ def combinations(overrides: Sequence[str]) -> tuple[list[str], list[tuple[list[s
 
 
 def folder_name(name: str, swept: Sequence[str]) -> str:
-    """The experiment's own name and the values that tell the combination from the others.
+    """The name of a combination's folder: the experiment's name and the values that differ between combinations.
 
-    Not those that name it themselves, let it grow, or change only how it is computed.
+    Left out are `experiment` and keys with the roles NAMES, GROWS and MACHINERY.
     """
     values = [text.lstrip("+") for text in swept]
     untold = ("experiment", *having(Role.NAMES | Role.GROWS | Role.MACHINERY))
@@ -103,7 +103,7 @@ def folder_name(name: str, swept: Sequence[str]) -> str:
 
 
 def _checked(combined: Sequence[Sequence[str]], swept: Sequence[Sequence[str]]) -> list[str]:
-    """The names of all combinations, each of an experiment that is possible and has a folder of its own."""
+    """The names of all combinations, after a check that each makes an experiment and has its own folder."""
     names: dict[Path, str] = {}
     for overrides, values in zip(combined, swept, strict=True):
         settings = compose(overrides)
@@ -121,7 +121,7 @@ def _checked(combined: Sequence[Sequence[str]], swept: Sequence[Sequence[str]]) 
 
 
 def _launch(hydras: Sequence[str], jobs: Sequence[Sequence[str]], start: Callable[[dict[str, Any]], int]) -> list[int]:
-    """Gives jobs to Hydra's launcher, which Hydra's own overrides may choose; their exit codes."""
+    """Runs jobs with Hydra's launcher, which Hydra's own overrides may choose; returns their exit codes."""
     from hydra._internal.callbacks import Callbacks
     from hydra.core.global_hydra import GlobalHydra
     from hydra.core.plugins import Plugins
@@ -145,10 +145,10 @@ def _launch(hydras: Sequence[str], jobs: Sequence[Sequence[str]], start: Callabl
 
 
 def _check_names_no_code(section: Any, key: str = "hydra") -> None:
-    """Whether Hydra's own section imports nothing but Hydra and its installed plugins, and leaves the folder alone.
+    """Checks that Hydra's own section imports only Hydra and its installed plugins, and does not change the folder.
 
     Raises:
-      UserError: with the key that does not.
+      UserError: if a key does; it names the key.
     """
     if key == "hydra.callbacks" and section:
         raise UserError(f"{key}: it names code to be run, which no config may; leave it out")

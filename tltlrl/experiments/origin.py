@@ -1,4 +1,4 @@
-"""Whose numbers these are: the code and the versions that decide them, and the machine that they are computed on."""
+"""The origin of numbers: the code and versions that decide them, and the machine that computes them."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from pathlib import Path
 
 from tltlrl.registry import LEARNERS, TASKS
 
-NUMERIC = ("numpy", "scipy", "mujoco", "dm-control")  # what numbers come from beside our own code
+NUMERIC = ("numpy", "scipy", "mujoco", "dm-control")  # packages that decide numbers, apart from our own code
 BESIDE = {"configs", "specs", "__pycache__"}  # what a wheel has inside of the package and a checkout beside it
 
 
 def origin(task: str, learner: str) -> dict[str, str]:
-    """What decides the bytes of a run beside what it is asked for: two that differ here may differ in their numbers.
+    """The code and versions that decide the bytes of a run, apart from what is asked for.
 
     Args:
-      task, learner: names of the registry.
+      task, learner: names in the registries.
 
     Returns:
-      What it is => its version, or a digest of its files.
+      Name of the code or package => its version, or a digest of its files.
     """
     found = {"Python": f"{sys.version_info.major}.{sys.version_info.minor}", "code of tltlrl": code_digest("tltlrl")}
     for what, registry, name in (("task", TASKS, task), ("learner", LEARNERS, learner)):
@@ -36,7 +36,7 @@ def origin(task: str, learner: str) -> dict[str, str]:
 
 
 def different(here: Mapping[str, str], there: Mapping[str, str]) -> str:
-    """What differs between two origins, for a message; empty if nothing does."""
+    """The differences between two origins, for a message; empty if there are none."""
     return ", ".join(
         f"{what}: {there.get(what, 'none')} there, {here.get(what, 'none')} here"
         for what in dict.fromkeys([*here, *there])
@@ -46,7 +46,7 @@ def different(here: Mapping[str, str], there: Mapping[str, str]) -> str:
 
 @functools.cache
 def code_digest(package: str) -> str:
-    """The first digits of a SHA-256 of every file of an importable package, or of a module, by their names."""
+    """The first digits of a SHA-256 of all files of an importable package or module, names included."""
     spec = importlib.util.find_spec(package)
     if spec is None:
         return "none"
@@ -60,13 +60,13 @@ def code_digest(package: str) -> str:
 
 
 def machine() -> str:
-    """The name and the processor of this one, for the manifest."""
+    """The name and the processor of this machine, for the manifest."""
     return f"{platform.node()} ({processor()})"
 
 
 @functools.cache
 def processor() -> str:
-    """The model of this machine's processor, as far as the system says it."""
+    """The model of this machine's processor, if the system says it."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
         return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))

@@ -29,7 +29,7 @@ from tltlrl.errors import UserError
 if TYPE_CHECKING:
     from tltlrl.training.study import Run
 
-MOST_DEATHS = 4  # of workers over one run, which is given up then
+MOST_DEATHS = 4  # of workers with the same run, after which the run is given up
 REPORT_SECONDS = 0.5
 DESCRIPTORS = 3  # per worker, in this process: the pipe's end, and the two by which each sees the other's end
 
@@ -40,7 +40,7 @@ class WorkerDiedError(Exception):
 
 @dataclass
 class _Worker:
-    """A process and the run that it is at.
+    """A worker process and the run that it computes.
 
     Attributes:
       process, pipe: of the worker.
@@ -64,8 +64,8 @@ def run_in_processes(
     """Computes every job; the run of a worker that dies is given to a new one, which goes on from its checkpoint.
 
     Args:
-      compute: called in a worker with a run, its folder and what is to be told of finished iterations; a function of a
-        module, which the worker imports.
+      compute: called in a worker with a run, its folder and a function for the number of finished iterations. It must
+        be a function of a module, which the worker imports.
       jobs: runs and their folders.
       workers: processes.
       on_progress: called with (index of the job, iterations done).
@@ -81,7 +81,7 @@ def run_in_processes(
     def give(worker: _Worker) -> None:
         worker.job = waiting.popleft() if waiting else None
         if worker.job is not None:
-            with contextlib.suppress(OSError):  # it has died, which is noticed when it is read from
+            with contextlib.suppress(OSError):  # it has died, which is noticed when its pipe is read
                 worker.pipe.send((compute, *jobs[worker.job]))
 
     def died(worker: _Worker) -> None:
@@ -125,7 +125,7 @@ def run_in_processes(
                 elif worker.job is not None:
                     on_end(worker.job, content)
                     give(worker)
-    finally:  # nobody waits for workers in the middle of an iteration, and those without a run have nothing to lose
+    finally:  # workers are killed even within an iteration: their checkpoints hold what is done
         for worker in pool.values():
             worker.process.kill()
         for worker in pool.values():
@@ -157,13 +157,13 @@ def _start(workers: int) -> _Worker:
 
 @contextlib.contextmanager
 def _without_interrupt() -> Iterator[None]:
-    """What is started here leaves Ctrl-C, which reaches the whole process group, to this process.
+    """Leaves Ctrl-C, which reaches the whole process group, to this process: processes started within ignore it.
 
-    And here it waits for the end: blocked in this thread, the signal may still reach another one, and its exception
-    would come between a worker's start and what the worker reads first.
+    Here Ctrl-C waits until the context ends. To block the signal in this thread is not enough: another thread may get
+    it, and the exception would come between a worker's start and the first data that the worker reads.
     """
     if sys.platform != "win32":
-        resource_tracker.ensure_running()  # starting it unblocks the signal, so that comes first
+        resource_tracker.ensure_running()  # starting it unblocks the signal, so it has to be started before
     handler, interrupted = signal.getsignal(signal.SIGINT), False
 
     def remember(*_: object) -> None:
@@ -187,7 +187,7 @@ def _without_interrupt() -> Iterator[None]:
 
 
 def _work(pipe: Connection) -> None:
-    """What a worker does: computes the runs that come out of the pipe, until there is nobody at its other end."""
+    """The work of a worker: computes the runs from the pipe, until its other end is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Windows has no blocked signals that a process could inherit
     threading.Thread(target=_end_with_the_command, daemon=True).start()
     ready = False
@@ -219,7 +219,7 @@ def _work(pipe: Connection) -> None:
 
 
 def _end_with_the_command() -> None:
-    """However that ends: a worker that went on would hold its run's folder."""
+    """Ends this worker when the command ends, however it ends: otherwise it would keep its run's folder locked."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()
@@ -227,7 +227,7 @@ def _end_with_the_command() -> None:
 
 
 def _sendable(error: Exception) -> Exception:
-    """The error, or one that says the same if it cannot go through a pipe."""
+    """The error, or one with the same message if it cannot be sent through a pipe."""
     try:
         pickle.loads(pickle.dumps(error))
     except Exception:

@@ -1,4 +1,4 @@
-"""How far a long job is: on a terminal a bar for each case, elsewhere plain lines, and a log file in the folder."""
+"""Shows how far a long job is: bars on a terminal, otherwise plain lines, and a log file in the folder."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Progress:
         calm: int = 0,
     ) -> None:
         self._labels = labels
-        self._standing = standing  # what there is to say of a run so far, by its index
+        self._standing = standing  # index of a run => where it stands, in words
         self._iterations = iterations
         self._calm = calm  # batches; a run that violates its spec has none
         self._steps = iterations + calm  # of one run
@@ -69,7 +69,7 @@ class Progress:
         self._log.close()
 
     def say(self, line: str) -> None:
-        """One line on the terminal and, with the time of day, in the log file."""
+        """Writes one line to the terminal and, with the time of day, to the log file."""
         line = shown(line)
         print(time.strftime("%Y-%m-%d %H:%M:%S"), line, file=self._log, flush=True)
         if self._on_terminal:
@@ -77,11 +77,11 @@ class Progress:
         elif self._stream is not None:
             try:
                 print(line, file=self._stream, flush=True)
-            except OSError:  # nobody reads it any more, or its disk is full; the runs go on, and the log has every line
+            except OSError:  # the reader is gone, or the disk is full; the runs go on, and the log has every line
                 self._stream = None
 
     def advance(self, index: int, done: int) -> None:
-        """Run `index` has done so many iterations, or all of them and calm batches."""
+        """Records that run `index` has done so many iterations and calm batches together."""
         if self._done[index] == 0:
             self._earlier[index] = done - 1
         self._done[index] = done
@@ -106,13 +106,13 @@ class Progress:
         return f", {said}" if said else ""
 
     def _count(self, index: int) -> None:
-        """The bar of the run's case shows what is done."""
+        """Updates the bar of the run's case."""
         bar = self._bars[self._case[index]]
         done = sum(n for n, case in zip(self._done, self._case, strict=True) if case == self._case[index])
         bar.update(done - bar.n)
 
     def end(self, index: int, error: Exception | None) -> None:
-        """Run `index` has ended."""
+        """Records that run `index` has ended."""
         self._ended += 1
         if error is None:
             self._done[index] = self._steps

@@ -23,19 +23,19 @@ from tltlrl.training.study import Run, Study, with_later
 
 
 def label(run: Run) -> str:
-    """The run, as it is called in messages."""
+    """The name of a run in messages."""
     return f"{run.case.name} seed {run.seed}"
 
 
 def run_folder(folder: Path, run: Run) -> Path:
-    """Where a run's files lie, in the folder of its experiment."""
+    """The folder of a run, in the folder of its experiment."""
     return layout.run_folder(folder, run.case.name, run.seed)
 
 
 def survey(folder: Path, study: Study) -> tuple[list[Run], int, list[str]]:
-    """The runs that have to be computed, the number of those that are done, and what there is to say of the first.
+    """The runs that are missing, the number of finished runs, and messages about the missing ones.
 
-    A run whose files are damaged is computed again: to the same bytes, since it depends on nothing but its `Run`.
+    A run with damaged files is computed again, to the same bytes, because it depends only on its `Run`.
     """
     missing, damages = [], []
     runs, task = study.runs(), make_task(study.task)
@@ -47,7 +47,7 @@ def survey(folder: Path, study: Study) -> tuple[list[Run], int, list[str]]:
                 read_checkpoint(path, run.identity())
             else:
                 check_policy(task, learned_policy(path))
-                shelve_checkpoint(path)  # killed between its last two steps
+                shelve_checkpoint(path)  # it may have been killed between its last two steps
         except DamagedError as error:
             if shorter := shorter_run(run, path):
                 missing.append(run)
@@ -64,7 +64,7 @@ def finished(folder: Path, study: Study) -> dict[Path, dict[str, Any]]:
     results, task = {}, make_task(study.task)
     for run in study.runs():
         path = run_folder(folder, run)
-        with contextlib.suppress(DamagedError):  # it was to be computed again, and that failed
+        with contextlib.suppress(DamagedError):  # computing it again has failed
             if (content := read_results(path, run.identity())) is not None:
                 check_policy(task, learned_policy(path))
                 results[path] = content
