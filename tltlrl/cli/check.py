@@ -34,7 +34,7 @@ says how far apart samples are.
 
 
 def add_spec(parser: ArgumentParser) -> None:
-    """Adds the spec and the values of its constants, which `constants_from` reads."""
+    """Adds the arguments for the spec and the values of its constants, which `constants_from` reads."""
     parser.add_argument("spec", metavar="SPEC", help="a .tltl file: a path of your own, or one that comes with tltlrl")
     parser.add_argument(
         "--set",
@@ -91,9 +91,9 @@ def check(
     """Checks a spec and, if given, a trace.
 
     Args:
-      path: of a .tltl file, as for `read_spec`.
-      trace_path: of a CSV or NPZ file.
-      constants: in place of the spec's own.
+      path: path of a .tltl file, or a name, as for `read_spec`.
+      trace_path: path of a CSV or NPZ file.
+      constants: values in place of the spec's own.
       plot: where to draw the trace, if anywhere.
       out: where to print, standard output if not given.
       names: signal => names of its columns in the trace, where these are not the usual ones.
@@ -128,10 +128,10 @@ def check(
 
 
 def read_spec(name: str, constants: Mapping[str, object] | None = None) -> Spec:
-    """The spec of a user's own file or, where there is none at that path, the one of that name shipped with tltlrl.
+    """Reads a spec: the user's own file if there is one at that path, otherwise the shipped spec of that name.
 
     Raises:
-      UserError: if there is none, or it cannot be read.
+      UserError: if there is no such spec, or it cannot be read.
     """
     path = user_path(name)
     if path.is_char_device():
@@ -146,7 +146,7 @@ def as_sampled(spec: Spec, recording: Recording | Arrays) -> Spec:
     """The spec with the sampling period of a recording.
 
     Raises:
-      UserError: if spec and recording say different ones, or neither says one.
+      UserError: if spec and recording have different periods, or neither has one.
     """
     period = recording.period()
     if period is None:
@@ -167,10 +167,10 @@ def as_sampled(spec: Spec, recording: Recording | Arrays) -> Spec:
 
 
 def _check_picture(plot: Path, trace_path: str | Path | None) -> None:
-    """Whether there will be something to draw and a place for it, before anything is evaluated.
+    """Checks that there is something to draw and a place for it, before anything is evaluated.
 
     Raises:
-      UserError: if not.
+      UserError: if there is not.
     """
     if trace_path is None:
         raise UserError("--plot draws a trace, and none was given; add a TRACE.csv")
@@ -262,11 +262,11 @@ def _horizon(spec: Spec) -> str:
 
 
 def warnings(spec: Spec, signals: Mapping[str, Array]) -> list[str]:
-    """What is easily missed in how one trajectory fares.
+    """Warnings about what is easily missed in the result for one trajectory.
 
     Args:
-      spec: of known period.
-      signals: of the trajectory, (1, T) or (1, T, d).
+      spec: a spec whose period is known.
+      signals: signals of the trajectory, (1, T) or (1, T, d).
     """
     told = []
     steps = next(iter(signals.values())).shape[1]
@@ -280,7 +280,7 @@ def warnings(spec: Spec, signals: Mapping[str, Array]) -> list[str]:
 
 
 def judged(why: Explanation, trace: str, warned: list[str]) -> str:
-    """Robustness, verdict and explanation of one trajectory, and what is easily missed."""
+    """The lines about one trajectory: robustness, verdict, explanation and warnings."""
     values = [f"{value:+12.6g}  {name}" for name, value in why.definitions.items()]
     return _table(
         [

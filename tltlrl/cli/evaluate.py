@@ -80,7 +80,7 @@ def run(arguments: Namespace) -> int:
 
 
 def _tell(learned: Run, policy: Policy, arguments: Namespace) -> None:
-    """The trials of one policy and the measures of its motion, to the terminal."""
+    """Prints the trials of one policy and the measures of its motion."""
     tried = try_policy(learned, policy, arguments.trials, np.random.default_rng(arguments.seed))
     for trial, why in enumerate(learned.spec.explain(tried.signals, tried.lengths)):
         judged = "".join(f"; {name}: {'yes' if values[trial] else 'no'}" for name, values in tried.outcomes.items())
@@ -104,7 +104,7 @@ def _tell(learned: Run, policy: Policy, arguments: Namespace) -> None:
 
 
 def _tell_off_model(learned: Run, policy: Policy, perturbation: Perturbation, arguments: Namespace) -> None:
-    """A table of trials against the size of the perturbation, to the terminal."""
+    """Prints a table of trials against the size of the perturbation."""
     print("off the model, each trial with factors and a start of its own; size 1 is the whole of --perturb:")
     print("  size  success    95 % Wilson    robustness: 5 %   median  what decides most failures")
     for size in SIZES:
@@ -122,7 +122,7 @@ def _tell_off_model(learned: Run, policy: Policy, perturbation: Perturbation, ar
 
 
 def write_traces(path: Path, run: Run, moved: Motions) -> None:
-    """The mean motion to `path`, sampled ones beside it, and what they are worth to the terminal.
+    """Writes the mean motion to `path`, sampled ones beside it, and prints their robustness.
 
     Raises:
       UserError: if a file cannot be written.

@@ -1,6 +1,6 @@
-"""The commands `tltl-run` and `tltl`: finds what is asked for, imports it, and tells what its user has to mend.
+"""The commands `tltl-run` and `tltl`: finds and imports the chosen command, and prints users' mistakes.
 
-Each command is a module beside this one, imported when it is chosen and not before: Ctrl-C is answered from the start.
+Each command is a module beside this one. It is imported only when chosen, so that Ctrl-C is answered from the start.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def run_main() -> None:
 
 
 def run(arguments: list[str]) -> int:
-    """`tltl-run ARGUMENTS`; its exit code."""
+    """Runs `tltl-run ARGUMENTS` and returns its exit code."""
 
     def command() -> int:
         _check_memory("tltl-run", NEEDED)
@@ -46,7 +46,7 @@ def run(arguments: list[str]) -> int:
 
         from tltlrl.cli.run import tltl_run
 
-        # Ctrl-C is not told for each experiment of -m: it ends them all.
+        # With -m, Ctrl-C ends all experiments, so it is reported only once.
         return tltl_run(arguments, lambda start: mistakes_told("tltl-run", start))
 
     return _told("tltl-run", arguments, command)
@@ -109,12 +109,12 @@ def _check_memory(name: str, needed: int) -> None:
 
 
 def _render_nothing() -> None:
-    """What renders nothing needs no renderer, whatever MUJOCO_GL says; and to look for one takes a second."""
+    """Turns rendering off for commands that render nothing: to look for a renderer takes a second."""
     os.environ["MUJOCO_GL"] = "disable"
 
 
 def _told(name: str, arguments: list[str], command: Callable[[], int]) -> int:
-    """Runs a command; what its user has to mend becomes one message and exit code 2, Ctrl-C one and 130."""
+    """Runs a command. A user's mistake becomes one message and exit code 2; Ctrl-C one message and 130."""
     _standard_streams()
     usual = warnings.formatwarning
     warnings.formatwarning = lambda message, *_, **__: f"{name}: {shown(str(message))}\n"  # without a line of our code
@@ -129,12 +129,12 @@ def _told(name: str, arguments: list[str], command: Callable[[], int]) -> int:
 
 
 def mistakes_told(name: str, command: Callable[[], int]) -> int:
-    """Runs a command; what its user has to mend becomes one message and exit code 2."""
+    """Runs a command. A user's mistake becomes one message and exit code 2."""
     try:
         code = command()
-        sys.stdout.flush()  # what cannot be written is told here, and not by the interpreter's end
+        sys.stdout.flush()  # so that errors of writing are raised here, not when the interpreter ends
         return code
-    except BrokenPipeError:  # whoever read the output has seen enough
+    except BrokenPipeError:  # the reader of the output has closed it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except (UserError, FloatingPointError) as error:  # the latter: a simulation that diverged
@@ -155,19 +155,19 @@ def mistakes_told(name: str, command: Callable[[], int]) -> int:
 
 
 def _for_want_of_memory(error: Exception) -> bool:
-    """Libraries that cannot be loaded, and MuJoCo, say so in words of their own."""
+    """Whether memory ran out; libraries that cannot be loaded, and MuJoCo, have their own words for it."""
     words = ("allocate memory", "failed to map segment", "unable to allocate", "out of memory", "bad_alloc")
     return isinstance(error, MemoryError) or any(part in str(error).lower() for part in words)
 
 
 def _say(line: str) -> None:
-    """One message; where standard error cannot be written to, the exit code has to do."""
+    """Prints a message; if standard error cannot be written to, only the exit code is left."""
     with contextlib.suppress(OSError):
         print(shown(line), file=sys.stderr)
 
 
 def _standard_streams() -> None:
-    """A command that was started with a closed standard stream writes that to nowhere, and nothing into other files."""
+    """Opens closed standard streams to nowhere: otherwise output would go into the next file that is opened."""
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         try:
             os.fstat(number)

@@ -77,7 +77,7 @@ def _compare(arguments: Namespace) -> int:
 
 
 def names_of(folders: Sequence[Path]) -> list[str]:
-    """What the config of each experiment says that the others' do not; its folder's name where that does not tell."""
+    """A name for each experiment: the config values that differ, or its folder's name if those are not enough."""
     import yaml
 
     from tltlrl.config.compare import flatten

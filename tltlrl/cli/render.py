@@ -58,11 +58,11 @@ def run(arguments: Namespace) -> int:
 
 
 def side_by_side(runs: Sequence[Path], before: bool) -> list[Film]:
-    """A film of each run, called by what tells the runs apart.
+    """A film of each run, named by what differs between the runs.
 
     Args:
-      runs: their folders.
-      before: whether the policy that the first began with comes first.
+      runs: folders of the runs.
+      before: whether a film of the first run's first policy comes first.
     """
     opened = [open_run(path) for path in runs]
     experiments = [path.resolve().parent.parent.name for path in runs]

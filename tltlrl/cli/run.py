@@ -71,12 +71,12 @@ def _start(settings: Mapping[str, Any], command: list[str]) -> int:
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> Any:
-        """Told like any other mistake, without a usage that lists nothing of the config."""
+        """Raises a mistake as a UserError, without argparse's usage, which does not show the config."""
         raise UserError(f"{message} (see --help)")
 
 
 def _options(arguments: list[str]) -> argparse.Namespace:
-    """The options, wherever they stand, and the overrides.
+    """Parses the options, wherever they stand, and the overrides.
 
     Raises:
       UserError: if there is no such option, with the override that was meant.
@@ -98,7 +98,7 @@ def _options(arguments: list[str]) -> argparse.Namespace:
 
 
 def _refuse(option: str, arguments: list[str]) -> None:
-    """Says what to write in place of an option that does not exist."""
+    """Raises for an option that does not exist, and says what to write instead."""
     from tltlrl.config.keys import KEYS
 
     flag, _, value = option.partition("=")
@@ -112,7 +112,7 @@ def _refuse(option: str, arguments: list[str]) -> None:
 
 
 def _repeated(manifest: str, overrides: Sequence[str]) -> dict[str, Any]:
-    """The config of a manifest.json with other values for some keys."""
+    """The config of a manifest.json, with other values for some keys."""
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
 

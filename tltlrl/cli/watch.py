@@ -41,7 +41,7 @@ def run(arguments: Namespace) -> int:
     Raises:
       UserError: for exit code 2.
     """
-    if isinstance(sys.stdin, TextIOWrapper):  # a byte that is no text makes a bad line, not an end
+    if isinstance(sys.stdin, TextIOWrapper):  # a byte that is not text makes one bad line; the stream goes on
         sys.stdin.reconfigure(encoding="utf-8", errors="replace")
     return watch(arguments.spec, sys.stdin, constants_from(arguments.set), arguments.period)
 
@@ -53,13 +53,13 @@ def watch(
     period: float | None = None,
     out: TextIO | None = None,
 ) -> int:
-    """Answers each sample in some lines with a line.
+    """Prints a line for each sample in some lines of text.
 
     Args:
-      path: of a .tltl file.
-      lines: of CSV or JSON.
-      constants: in place of the spec's own.
-      period: between two samples, s.
+      path: path of a .tltl file.
+      lines: lines of CSV or JSON.
+      constants: values in place of the spec's own.
+      period: time between two samples, s.
       out: where to print, standard output if not given.
 
     Returns:
@@ -86,7 +86,7 @@ def watch(
             else:
                 why = witness.explanation()
                 print(answer(witness.steps - 1, reading, why), file=out, flush=True)
-    except KeyboardInterrupt:  # how a person ends what goes on without end
+    except KeyboardInterrupt:  # how a person ends an endless stream
         print(file=sys.stderr)
     if why is None:
         raise UserError("<stdin>: there are no samples; expected one per line, CSV with a header or JSON objects")

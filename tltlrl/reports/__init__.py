@@ -1,4 +1,4 @@
-"""From files to tables, figures, pages and films.
+"""Files of runs => tables, figures, pages and films.
 
-What is shown is computed here from what runs have left, and nothing is trained.
+Everything shown is computed here from the files of runs. Nothing is trained here.
 """

@@ -1,4 +1,4 @@
-"""Several experiments against each other: the same case in each, paired over seeds, and all tasks taken together."""
+"""Compares several experiments: the same case in each, paired over seeds, and each case over all tasks."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ class Difference:
     Attributes:
       case, measure: the case, and the column of summary.csv.
       first, other: the experiments.
-      seeds: common ones.
-      mean: of first - other.
+      seeds: the common seeds.
+      mean: mean of first - other, in the measure's unit.
       low, high: its 95 % t interval over the seeds; NaN with fewer than `FEWEST`.
-      p: paired permutation test, Holm-corrected over all rows of the measure.
+      p: p of a paired permutation test, Holm-corrected over all rows of the measure.
     """
 
     case: str
@@ -62,7 +62,7 @@ class Difference:
 
 
 def differences(summaries: Mapping[str, pd.DataFrame]) -> list[Difference]:
-    """The first experiment against each other one of its task, in each case that both have.
+    """Compares the first experiment with each other one of the same task, in each case that both have.
 
     Args:
       summaries: name of the experiment => summary.csv.
@@ -89,13 +89,13 @@ def differences(summaries: Mapping[str, pd.DataFrame]) -> list[Difference]:
 
 @dataclass(frozen=True)
 class Aggregate:
-    """Share of successful trials of one case over several tasks: the interquartile mean of its runs.
+    """The share of successful trials of a case over several tasks: the interquartile mean over runs.
 
     Attributes:
-      case: its name.
-      tasks, runs: how many.
-      mean: of the middle half of the runs.
-      low, high: its 95 % percentile bootstrap interval, runs drawn within each task.
+      case: name of the case.
+      tasks, runs: how many there are.
+      mean: mean of the middle half of the runs.
+      low, high: its 95 % percentile bootstrap interval, with runs drawn within each task.
     """
 
     case: str
@@ -113,9 +113,9 @@ class Aggregate:
 
 
 def over_tasks(summaries: Sequence[pd.DataFrame]) -> list[Aggregate]:
-    """Every case that all tasks have, over all of them; nothing for a single task.
+    """Aggregates every case that all tasks have; nothing for a single task.
 
-    The measure and the interval are those of Agarwal et al., Deep Reinforcement Learning at the Edge of the Statistical
+    Measure and interval follow Agarwal et al., Deep Reinforcement Learning at the Edge of the Statistical
     Precipice (2021).
     """
     together = pd.concat(summaries, ignore_index=True)
@@ -145,7 +145,7 @@ def over_tasks(summaries: Sequence[pd.DataFrame]) -> list[Aggregate]:
 
 
 def plot_cases(experiments: Mapping[str, pd.DataFrame], path: Path) -> None:
-    """The curves by case: one column for each that several have, one line per experiment, as path.png and path.pdf.
+    """Draws the curves by case, as path.png and path.pdf: a column per shared case, a line per experiment.
 
     Args:
       experiments: name => learning_curves.csv, of one task.
@@ -156,7 +156,7 @@ def plot_cases(experiments: Mapping[str, pd.DataFrame], path: Path) -> None:
 
 
 def cases_figure(experiments: Mapping[str, pd.DataFrame]) -> Figure:
-    """See `plot_cases`."""
+    """The figure of `plot_cases`."""
     counted = Counter(case for curves in experiments.values() for case in curves["case"].unique())
     cases = [case for case, count in counted.items() if count > 1]
     styles = {name: GREY_STYLES[i % len(GREY_STYLES)] for i, name in enumerate(experiments)}
@@ -185,7 +185,7 @@ def cases_figure(experiments: Mapping[str, pd.DataFrame]) -> Figure:
 
 
 def _limits(curves: pd.DataFrame, measure: str) -> tuple[float, float]:
-    """Every mean from the first quarter of the iterations on, and all that is above: the start would set the scale."""
+    """Limits that hold every mean after the first quarter of the iterations; the start would set the scale."""
     finite = curves[np.isfinite(curves[measure])]
     means = finite.groupby(["case", "iteration"])[measure].mean().reset_index()
     later = means.loc[means["iteration"] >= curves["iteration"].max() / 4, measure]

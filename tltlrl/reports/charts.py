@@ -1,4 +1,4 @@
-"""Line charts as SVG for a page, with the values under the pointer."""
+"""Line charts as SVG for a page, which shows the values under the pointer."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ class Line:
     """One line of a chart.
 
     Attributes:
-      name: for the key.
-      y: (T,); a gap where it is not finite.
-      thin: lines of its parts, (n, T), as of seeds.
-      band: its low and high edge, (T,) each.
+      name: its name in the legend.
+      y: values, (T,); the line has a gap where they are not finite.
+      thin: thin lines beside it, (n, T), such as one per seed.
+      band: low and high edge of its band, (T,) each.
     """
 
     name: str
@@ -38,15 +38,15 @@ class Line:
 
 
 def chart(identifier: str, x: Array, lines: Sequence[Line], limits: tuple[float, float], text: str, unit: str) -> str:
-    """A chart with its key and its values.
+    """A chart with its legend and its values, as HTML.
 
     Args:
       identifier: unique on the page.
       x: iterations, (T,).
       lines: what is drawn; they differ in colour and in dash.
       limits: of the y axis.
-      text: what a reader hears who does not see it.
-      unit: the label of the y axis.
+      text: description for readers who cannot see the chart.
+      unit: label of the y axis.
     """
     chosen, few = (
         np.unique(np.linspace(0, len(x) - 1, min(len(x), n)).astype(int)) for n in (MOST_POINTS, MOST_OF_THIN)
@@ -113,7 +113,7 @@ def chart(identifier: str, x: Array, lines: Sequence[Line], limits: tuple[float,
 
 
 def data(identifier: str, values: Any) -> str:
-    """Values for the page's script: never a tag that ends it."""
+    """Values for the page's script, which can hold no tag that ends the script."""
     text = json.dumps(values, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
     return f'<script type="application/json" id="{identifier}">{text}</script>'
 

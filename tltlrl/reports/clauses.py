@@ -1,4 +1,4 @@
-"""Which part of the spec is stuck: the figure of clauses.csv, and a sentence about every run that failed."""
+"""Shows which part of the spec is stuck: the figure of clauses.csv, and a sentence about every failed run."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tltlrl.store.run import whole_lines
 
 Array = NDArray[np.float64]
 
-WINDOW = 10  # iterations: over how many the share that a clause decides is taken
+WINDOW = 10  # iterations over which the share that a clause decides is averaged
 MOST = 8  # clauses, or named sub-formulas, in a figure
 LONG = 44  # characters of a clause in a legend
 LEGEND: dict[str, Any] = {"frameon": False, "fontsize": 8}
@@ -30,10 +30,10 @@ LEGEND: dict[str, Any] = {"frameon": False, "fontsize": 8}
 
 @dataclass(frozen=True)
 class Standing:
-    """How the parts of a spec stood in one run, or in several on average.
+    """The values of a spec's parts in one run, or averaged over several.
 
     Attributes:
-      clauses, names: of the parts.
+      clauses, names: the clauses, and the names of the named sub-formulas.
       table: iteration and the columns of clauses.csv.
     """
 
@@ -42,12 +42,12 @@ class Standing:
     table: pd.DataFrame
 
     def values(self, kind: str, measure: str, part: str) -> Array:
-        """One column, an entry for each iteration."""
+        """The values of one column, one per iteration."""
         return self.table[column(kind, measure, part)].to_numpy(dtype=float)
 
 
 def read_standing(run: Path) -> Standing | None:
-    """clauses.csv of a run, of one that goes on what it has written; None if there is none, as in results before 0.3.
+    """Reads clauses.csv of a run, finished or not; None if there is none, as in results before 0.3.
 
     Raises:
       UserError: if it cannot be read.
@@ -64,7 +64,7 @@ def read_standing(run: Path) -> Standing | None:
 
 
 def standings(runs: Iterable[Path]) -> dict[str, dict[int, Standing]]:
-    """Of every case and seed that has a clauses.csv: case => seed => how its parts stood."""
+    """Case => seed => the values of the spec's parts, for every run with a clauses.csv."""
     found: dict[str, dict[int, Standing]] = {}
     for run in runs:
         case, seed = run_of(run)
@@ -74,17 +74,17 @@ def standings(runs: Iterable[Path]) -> dict[str, dict[int, Standing]]:
 
 
 def averaged(runs: Sequence[Standing]) -> Standing:
-    """The mean over some runs of one spec, as far as all of them reach."""
+    """The mean over several runs of one spec, up to the iteration that all of them reached."""
     length = min(len(run.table) for run in runs)
     mean = np.mean([run.table.iloc[:length].to_numpy() for run in runs], axis=0)
     return Standing(runs[0].clauses, runs[0].names, pd.DataFrame(mean, columns=runs[0].table.columns))
 
 
 def stuck(run: Standing, asked: Mapping[str, Sequence[str]], samples: int) -> str:
-    """What decided the trajectories of a run at its end, since when, and how few met what it asks for.
+    """A sentence: what decided the last trajectories of a run, since when, and how few met what the clause asks for.
 
     Args:
-      run: how its parts stood.
+      run: the values of the spec's parts.
       asked: clause => the named sub-formulas in it that are to hold (`Spec.asks_for`).
       samples: trajectories per iteration.
     """
@@ -94,7 +94,7 @@ def stuck(run: Standing, asked: Mapping[str, Sequence[str]], samples: int) -> st
     recent = (sums[last] - sums[np.maximum(last - WINDOW, 0)]).argmax(axis=1)
     others = np.flatnonzero(recent != recent[-1])
     begin = int(others[-1]) + 1 if len(others) else 0
-    begin = min(begin, max(len(shares) - WINDOW, 0))  # where two take turns at deciding, the latest turn is no news
+    begin = min(begin, max(len(shares) - WINDOW, 0))  # if two decide in turn, the latest turn says little
     clause, total = run.clauses[recent[-1]], samples * (len(shares) - begin)
 
     def met(kind: str, part: str) -> int:
@@ -127,17 +127,19 @@ def stuck_lines(
 
 
 def plot_clauses(cases: Mapping[str, Mapping[int, Standing]], path: Path) -> None:
-    """The figure of the clauses, as path.png and path.pdf; `path` is without suffix. See `clauses_figure`."""
+    """Draws `clauses_figure` as path.png and path.pdf; `path` is without suffix."""
     with own_style():
         save(clauses_figure(cases), path)
 
 
 def clauses_figure(cases: Mapping[str, Mapping[int, Standing]]) -> Figure:
-    """One row per case: the share of sampled trajectories that each clause decides, the clauses' mean robustness, and
-    the share in which each named sub-formula held at some sample. Means over the seeds.
+    """The figure of the clauses, one row per case, with means over the seeds.
+
+    Its columns are the share of sampled trajectories that each clause decides, the clauses' mean robustness, and the
+    share of trajectories in which each named sub-formula held at some sample.
 
     Args:
-      cases: case => seed => how its parts stood.
+      cases: case => seed => the values of the spec's parts.
     """
     means = {case: averaged(list(runs.values())) for case, runs in cases.items()}
     first = next(iter(means.values()))
@@ -178,7 +180,7 @@ def clauses_figure(cases: Mapping[str, Mapping[int, Standing]]) -> Figure:
 
 
 def _most(parts: Sequence[str], means: Sequence[tuple[Standing, str]]) -> list[str]:
-    """Those parts that decide most, in the order of the spec."""
+    """The parts that decide most, in the order of the spec."""
     decided = {part: sum(mean.values(kind, DECIDES, part).sum() for mean, kind in means) for part in parts}
     chosen = sorted(parts, key=lambda part: -decided[part])[:MOST]
     return [part for part in parts if part in chosen]
@@ -203,7 +205,7 @@ def _draw(axes: Axes, curves: Mapping[str, Array], width: float = 1.3) -> None:
 
 
 def _limit(axes: Axes, curves: Sequence[Array]) -> None:
-    """The first tenth of the iterations, far below what follows, does not set the scale."""
+    """Sets the y axis without the first tenth of the iterations, which lies far below the rest."""
     later = np.concatenate([values[len(values) // 10 :] for values in curves])
     later = later[np.isfinite(later)]
     if len(later) and later.max() > later.min():

@@ -1,4 +1,4 @@
-"""Is one case better than another? Paired over common seeds, and corrected for asking several times."""
+"""Tests whether one case is better than another: paired over common seeds, corrected for several tests."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ RANDOM_EXCHANGES = 2**16 - 1
 
 @dataclass(frozen=True)
 class Comparison:
-    """Case `better` against case `other` by one measure, on n common seeds.
+    """The comparison of case `better` with case `other` by one measure, on n common seeds.
 
     Attributes:
       better, other: names of the cases.
@@ -37,11 +37,11 @@ class Comparison:
 
 
 def compare(summary: pd.DataFrame, pairs: list[tuple[str, str]], measure: str) -> list[Comparison]:
-    """Each pair of cases, (better?, other), as one family for Holm's correction.
+    """Compares each pair of cases; all pairs are one family for Holm's correction.
 
     Args:
       summary: summary.csv; one row per case and seed.
-      pairs: names of cases; it is asked whether the first is better than the second.
+      pairs: names of two cases; the question is whether the first is better than the second.
       measure: column of `summary`.
     """
     table = summary.pivot(index="seed", columns="case", values=measure)
@@ -54,15 +54,15 @@ def compare(summary: pd.DataFrame, pairs: list[tuple[str, str]], measure: str) -
 
 
 def paired_p(a: Array, b: Array) -> float:
-    """Two-sided p of the mean of a - b under all 2^n exchanges within pairs; with n pairs at least 2^(1 - n).
+    """The two-sided p of the mean of a - b under all 2^n exchanges within the n pairs; at least 2^(1 - n).
 
-    Beyond `EXACT_PAIRS` pairs, under `RANDOM_EXCHANGES` random ones.
+    With more than `EXACT_PAIRS` pairs, it uses `RANDOM_EXCHANGES` random exchanges.
     """
     if len(a) < 2 or np.array_equal(a, b):
         return 1.0
     difference = a - b
     if len(difference) > EXACT_PAIRS:
-        from scipy.stats import permutation_test  # it takes a second to import, and few have so many pairs
+        from scipy.stats import permutation_test  # slow to import, and rarely needed: few have so many pairs
 
         result = permutation_test(
             (a, b),

@@ -1,4 +1,4 @@
-"""How far a mean over seeds, or a share of trials, can be trusted."""
+"""Confidence intervals of a mean over seeds, and of a share of trials."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from scipy.special import ndtri, stdtrit  # scipy.stats has them, too, and takes
 Array = NDArray[np.float64]
 
 LEVEL = 0.95
-FEWEST = 6  # values: of four the interval is 1.6 standard deviations to either side, and each value says more
+FEWEST = 6  # values: with four the interval is 1.6 standard deviations to either side; the values themselves say more
 
 
 def mean_interval(values: Array) -> tuple[Array, Array]:
-    """Student's t interval of the mean over the last axis: its ends, of the shape without that axis.
+    """The ends of Student's t interval of the mean over the last axis, in the shape without that axis.
 
-    It holds the mean of normal values in `LEVEL` of all samples, of however few values they are. (A percentile
-    bootstrap, which cannot reach beyond the values there are, does so in 0.50 of samples of two and in 0.79 of samples
-    of four.) NaN where there are fewer than `FEWEST` values, or one is not finite.
+    NaN where there are fewer than `FEWEST` values, or one is not finite. For normal values the interval holds the mean
+    in a share `LEVEL` of all samples, however small they are. (A percentile bootstrap cannot reach beyond the values.
+    It holds the mean in 0.50 of samples of two values, and in 0.79 of samples of four.)
     """
     count = values.shape[-1]
     if count < FEWEST:
@@ -28,9 +28,9 @@ def mean_interval(values: Array) -> tuple[Array, Array]:
 
 
 def share_interval(successes: int, trials: int) -> tuple[float, float]:
-    """Wilson's interval of a share, at `LEVEL`: its ends, from 0 to 1.
+    """The ends of Wilson's interval of a share, at `LEVEL`, from 0 to 1.
 
-    Those shares p whose score |k / n - p| / sqrt(p (1 - p) / n) is at most the normal quantile z (Wilson 1927).
+    It holds the shares p whose score |k / n - p| / sqrt(p (1 - p) / n) is at most the normal quantile z (Wilson 1927).
 
     Args:
       successes: k of the trials.

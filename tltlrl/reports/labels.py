@@ -1,4 +1,4 @@
-"""Where labels go in a picture: beside what they name, and on nothing else."""
+"""Places labels in a picture: beside what they name, and on nothing else."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class Label:
     """A text about a place.
 
     Attributes:
-      text: one or a few lines; empty for what others only have to leave free.
-      at: (x, y) in data.
-      reach: how far what it names reaches from there, in data.
+      text: one or a few lines; empty for a place that other labels must leave free.
+      at: (x, y) of the place, in data coordinates.
+      reach: radius of what it names, in data coordinates.
     """
 
     text: str
@@ -34,15 +34,15 @@ class Label:
 
 
 def place(axes: Axes, labels: Sequence[Label], path: Array, size: float = 7.0) -> list[Bbox]:
-    """Draws labels beside what they name, with a line to it where that is not next to it.
+    """Draws labels beside what they name, with a line to it if it is farther away.
 
-    The figure must have been laid out (`figure.draw_without_rendering`) and stay as it is.
+    The figure must have been laid out (`figure.draw_without_rendering`), and its layout must not change later.
 
     Args:
-      axes: where.
-      labels: the first ones choose first.
-      path: points that labels are to leave free, (P, 2), in data.
-      size: of the font, points.
+      axes: where to draw.
+      labels: the labels; earlier ones choose their place first.
+      path: points that labels should leave free, (P, 2), in data coordinates.
+      size: font size, points.
 
     Returns:
       The box of each label, in pixels.

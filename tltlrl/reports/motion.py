@@ -1,4 +1,4 @@
-"""One motion and what the spec says of it while it runs: for pictures and films."""
+"""A motion, and the robustness of each clause while it runs, for pictures and films."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Watched:
 
     Attributes:
       now: its robustness if the motion ended with this sample.
-      lower, upper: what its robustness stays between, however the motion goes on.
+      lower, upper: bounds on its robustness, however the motion goes on.
     """
 
     now: Array
@@ -39,9 +39,9 @@ class Motion:
     Attributes:
       times: s, (T,).
       features, commands: (T, n), (T, d).
-      path: of the point that the spec's regions are about, or of the end-effector, m, (T, 2 or 3); None without one.
-      regions: of the spec that are about this point.
-      clauses: by their text; none where the spec cannot be monitored.
+      path: path of the point that the spec's regions are about, or of the end-effector, m, (T, 2 or 3), or None.
+      regions: the spec's regions about this point.
+      clauses: text => clause; empty if the spec cannot be monitored.
       why: what decides its robustness.
     """
 
@@ -59,9 +59,9 @@ def watch(task: Task, spec: Spec, policy: Policy, simulator: Simulates) -> Motio
 
     Args:
       task: what is simulated.
-      spec: read at the task's control timestep.
-      policy: whose mean motion.
-      simulator: of the task.
+      spec: the spec, with the task's control timestep as its period.
+      policy: the policy that moves.
+      simulator: simulator of the task.
     """
     motion = mean_motion(simulator, policy)
     length = int(motion.lengths[0])
@@ -79,7 +79,7 @@ def watch(task: Task, spec: Spec, policy: Policy, simulator: Simulates) -> Motio
 
 
 def watch_clauses(spec: Spec, signals: Signals) -> dict[str, Watched]:
-    """Every clause of a spec over one trajectory, signals (1, T) or (1, T, k); none if the spec cannot be monitored."""
+    """Follows each clause over one trajectory, signals (1, T) or (1, T, k); empty if the spec cannot be monitored."""
     try:
         monitors = spec.monitors()
     except SpecError:
@@ -101,7 +101,7 @@ def has_path(task: Task, spec: Spec) -> bool:
 
 
 def path_of(task: Task, spec: Spec, features: Array, signals: Signals) -> Array:
-    """The path of that point in N trajectories: features (N, T, n) => (N, T, 2 or 3), m."""
+    """The path of the point to draw, in N trajectories: features (N, T, n) => (N, T, 2 or 3), m."""
     if (place := _place(spec)) is not None:
         return np.asarray(signals[place])
     assert task.end_effector is not None

@@ -1,4 +1,4 @@
-"""report.html: an experiment as one page that needs nothing beside it, no network and no other file."""
+"""report.html: an experiment as one page that needs no network and no other file."""
 
 from __future__ import annotations
 
@@ -44,10 +44,10 @@ class Provenance:
     """How an experiment was made.
 
     Attributes:
-      commands: of every session that computed.
+      commands: the command of every session that computed runs.
       facts: what it was computed with, name => text.
-      settings: key => value, nested keys joined by dots.
-      defaults: the same without what the user chose; empty if not known.
+      settings: key => value, with nested keys joined by dots.
+      defaults: the settings without the user's choices; empty if not known.
     """
 
     commands: Sequence[Sequence[str]]
@@ -64,12 +64,12 @@ def write_page(
     failures: Mapping[str, str],
     provenance: Provenance,
 ) -> None:
-    """report.html in the experiment's folder.
+    """Writes report.html into the experiment's folder.
 
     Args:
-      folder: of the experiment; its pictures are taken from there.
+      folder: folder of the experiment, with its pictures.
       study: what was asked for.
-      tables: of the finished runs.
+      tables: tables of the finished runs.
       finished: folder of a run => its results.
       failures: run => message.
       provenance: how it was made.
@@ -240,7 +240,7 @@ def _motions(folder: Path, study: Study, finished: Mapping[Path, Mapping[str, An
 
 
 def _embedded(path: Path, mime: str, text: str) -> str:
-    """A picture or film within the page; nothing if there is none, or it is too large."""
+    """A picture or film embedded in the page; empty if there is none, or it is too large."""
     if not path.exists() or not 0 < path.stat().st_size <= LARGEST:
         return ""
     source = f"data:{mime};base64,{base64.b64encode(path.read_bytes()).decode()}"

@@ -20,7 +20,7 @@ SIZE, EDGE = 320.0, 16.0  # of a view
 
 
 def player(identifier: str, task: Task, motion: Motion, name: str) -> str:
-    """The motion of one policy; of a motion without a path, the clauses alone.
+    """The HTML that plays the motion of a policy; without a path, only its clauses.
 
     Args:
       identifier: unique on the page.

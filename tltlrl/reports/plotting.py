@@ -1,4 +1,4 @@
-"""Figures, from the CSV files alone."""
+"""Draws figures of learning curves, and saves figures with the same bytes every time."""
 
 from __future__ import annotations
 
@@ -66,8 +66,10 @@ NEEDED = 6.0  # where the worst curve goes this many times as far
 
 
 def titled(folders: Sequence[Path], experiments: Sequence[pd.DataFrame]) -> dict[str, pd.DataFrame]:
-    """The curves of these folders, each under a title of its own: the task's name and, where it is another, the
-    experiment's; the whole path where those do not tell the folders apart."""
+    """Title => curves of each folder. A title is the task's name, with the experiment's name if it differs.
+
+    If titles are equal, they are the whole paths.
+    """
     names = [folder.resolve().name for folder in folders]
     tasks = [str(curves["task"].iloc[0]) for curves in experiments]
     titles = [task if name == task else f"{task}: {name}" for task, name in zip(tasks, names, strict=True)]
@@ -78,7 +80,7 @@ def titled(folders: Sequence[Path], experiments: Sequence[pd.DataFrame]) -> dict
 
 @contextlib.contextmanager
 def own_style() -> Iterator[None]:
-    """Figures are the same whatever a user's matplotlibrc says."""
+    """Within this context figures do not depend on the user's matplotlibrc."""
     with mpl.rc_context():
         mpl.rcdefaults()
         mpl.rcParams.update(STYLE)
@@ -86,7 +88,7 @@ def own_style() -> Iterator[None]:
 
 
 def plot_learning_curves(experiments: Mapping[str, pd.DataFrame], path: Path) -> None:
-    """The figure of the learning curves, as path.png and path.pdf.
+    """Draws the figure of the learning curves, as path.png and path.pdf.
 
     Args:
       experiments: title => learning_curves.csv.
@@ -97,10 +99,10 @@ def plot_learning_curves(experiments: Mapping[str, pd.DataFrame], path: Path) ->
 
 
 def curves_figure(experiments: Mapping[str, pd.DataFrame]) -> Figure:
-    """Robustness against iterations, one line per case and one column per experiment.
+    """The figure of robustness against iterations, with one line per case and one column per experiment.
 
-    The rows: of the sampled trajectories; where the worst curves leave the satisfied ones no room, these again near 0;
-    of the mean policy, which is what trials and tables are about.
+    Rows: the sampled trajectories; the same near 0, if the worst curves leave too little room there; the mean policy,
+    which trials and tables are about.
 
     Args:
       experiments: title => learning_curves.csv.
@@ -139,7 +141,7 @@ def curves_figure(experiments: Mapping[str, pd.DataFrame]) -> Figure:
 
 
 def _caption(experiments: Sequence[pd.DataFrame]) -> list[str]:
-    """What the figure shows, of how many seeds, and no more than it shows."""
+    """The caption: what the figure shows, and over how many seeds."""
     counts = {int(curves.groupby("case")["seed"].nunique().max()) for curves in experiments}
     samples = dict.fromkeys(int(curves["episodes"].min()) for curves in experiments)
     seeds = " and ".join(f"{n} seed{'s' * (n > 1)}" for n in sorted(counts))
@@ -162,7 +164,7 @@ def stem(path: Path) -> Path:
     """The path of a picture without the suffix of its kind: fig for fig.png, and figure_3.3 for figure_3.3.
 
     Raises:
-      UserError: if the suffix is that of a kind in which no picture is written.
+      UserError: if the suffix stands for a format that is not written.
     """
     suffix = path.suffix.lower()
     if suffix in FORMATS:
@@ -173,12 +175,12 @@ def stem(path: Path) -> Path:
 
 
 def save(figure: Figure, path: Path, source: str = "") -> None:
-    """path.png and path.pdf, the same bytes for the same figure.
+    """Saves path.png and path.pdf, with the same bytes for the same figure.
 
     Args:
-      figure: to be saved.
-      path: without suffix.
-      source: of what it shows, such as a digest, kept in the files; see `shows`.
+      figure: the figure.
+      path: path without suffix.
+      source: what it was drawn from, such as a digest; the files keep it for `shows`.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     for suffix in FORMATS:
@@ -222,7 +224,7 @@ def shows(path: Path, source: str) -> bool:
 def draw_curves(
     axes: mpl.axes.Axes, curves: pd.DataFrame, measure: str, styles: Mapping[str, Mapping[str, Any]] = STYLES
 ) -> None:
-    """Mean, band and every seed of a column of each case, on the given axes; a gap where a value is infinite."""
+    """Draws mean, band and every seed of one measure for each case; with a gap where a value is infinite."""
     for case, rows in curves.groupby("case", sort=False):
         style = styles.get(str(case), {})
         by_seed = rows.pivot(index="iteration", columns="seed", values=measure)

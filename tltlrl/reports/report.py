@@ -1,4 +1,4 @@
-"""The tables of an experiment: learning_curves.csv, summary.csv, summary.md and report.md, and its figure."""
+"""Writes the tables of an experiment, learning_curves.csv, summary.csv, summary.md and report.md, and its figures."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ ITERATIONS = ("first_satisfied_iteration", "satisfied_for_good_iteration")
 
 @dataclass(frozen=True)
 class Tables:
-    """What an experiment's runs show.
+    """The tables of an experiment's runs.
 
     Attributes:
       curves, summary: learning_curves.csv and summary.csv.
-      standings: case => seed => how the parts of the spec stood.
+      standings: case => seed => the values of the spec's parts.
     """
 
     curves: pd.DataFrame
@@ -56,18 +56,18 @@ class Tables:
 def write_report(
     folder: Path, study: Study, finished: Mapping[Path, Mapping[str, Any]], failures: Mapping[str, str]
 ) -> tuple[list[str], Tables | None]:
-    """Writes every table and figure from the finished runs' files; what failed is listed.
+    """Writes every table and figure from the finished runs' files, and lists the failures.
 
-    If no run has finished, tables and figures of an earlier time, whose runs are there no more, are deleted.
+    If no run has finished, older tables and figures are deleted, because their runs no longer exist.
 
     Args:
-      folder: where to.
+      folder: folder of the experiment.
       study: what was asked for.
       finished: folder of a run => its results, in the order of the tables.
       failures: run => message.
 
     Returns:
-      What came out, in a few lines, and the tables, if a run has finished.
+      The outcome in a few lines, and the tables if a run has finished.
     """
     if not finished:
         pictures = (f"{name}{suffix}" for name in (FIGURE, CLAUSES_FIGURE) for suffix in FORMATS)
@@ -90,7 +90,7 @@ def write_report(
 
 
 def median_run(finished: Mapping[Path, Mapping[str, Any]], case: str) -> Path | None:
-    """The folder of the case's finished run with the median robustness of the mean policy, the lower of two.
+    """The folder of the case's finished run with the median robustness; of two in the middle, the lower.
 
     Args:
       finished: folder of a run => its results.
@@ -101,7 +101,7 @@ def median_run(finished: Mapping[Path, Mapping[str, Any]], case: str) -> Path | 
 
 
 def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) -> pd.DataFrame:
-    """One row per case and seed: the learned policy's worth, and when it first was worth something.
+    """One row per case and seed: how good the learned policy is, and when it first satisfied the spec.
 
     Args:
       curves: learning_curves.csv.
@@ -141,13 +141,13 @@ def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) 
 
 
 def median_iteration(iterations: pd.Series) -> str:
-    """The median over all seeds; one that never was satisfied counts as later than any other."""
+    """The median over all seeds; a seed that never satisfied the spec counts as the latest."""
     median = iterations.astype(float).fillna(np.inf).median()
     return f"{median:.0f}" if np.isfinite(median) else "never"
 
 
 def outcome_lines(summary: pd.DataFrame) -> list[str]:
-    """What came out, one line per case; of several seeds the median robustness, with the lowest and the highest."""
+    """The outcome, one line per case; with several seeds the median robustness, the lowest and the highest."""
     lines = []
     for case, rows in summary.groupby("case", sort=False):
         policy = rows["robustness_policy"]
@@ -234,7 +234,7 @@ def picture_lines(task: Task, spec: Spec, finished: Mapping[Path, Mapping[str, A
 
 
 def motion_lines(summary: pd.DataFrame) -> list[str]:
-    """How the learned policies move: of every case the median of each measure over the seeds."""
+    """The lines about motion: for every case, the median of each measure over the seeds."""
     known = [name for name in MEASURES if summary[name].notna().any()]
     if not known:
         return []
@@ -259,7 +259,7 @@ def motion_lines(summary: pd.DataFrame) -> list[str]:
 
 
 def _calm_lines(summary: pd.DataFrame) -> list[str]:
-    """What the calm policies are worth, if there are any: nothing that is said of the learned ones counts them."""
+    """The lines about calm policies, if there are any; all other lines are about the learned policies."""
     if "calm_successes" not in summary:
         return []
     judged = judged_besides(summary)
@@ -288,7 +288,7 @@ def _calm_lines(summary: pd.DataFrame) -> list[str]:
 
 
 def trial_lines(summary: pd.DataFrame, finished: Mapping[Path, Mapping[str, Any]], timestep: float) -> list[str]:
-    """The trials of every run, with a 95 % Wilson interval, and why trials failed."""
+    """The lines about every run's trials: success with a 95 % Wilson interval, and why trials failed."""
     judged = judged_besides(summary)
     lines = [
         "",
@@ -309,7 +309,7 @@ def trial_lines(summary: pd.DataFrame, finished: Mapping[Path, Mapping[str, Any]
 
 
 def bottleneck_lines(finished: Mapping[Path, Mapping[str, Any]], timestep: float) -> list[str]:
-    """For every case with mean policies that violate the spec: what decides so, over its seeds."""
+    """The lines about cases with mean policies that violate the spec: what decides, over the seeds."""
     by_case: dict[str, list[Mapping[str, Any]]] = {}
     for path, done in finished.items():
         by_case.setdefault(run_of(path)[0], []).append(done)
@@ -334,13 +334,13 @@ HOW_DECIDED = (
 
 
 def judged_besides(summary: pd.DataFrame) -> list[str]:
-    """What the task judges of a trial besides the spec."""
+    """The names of what the task itself judges in trials, besides the spec."""
     after = list(summary.columns).index("success_rate") + 1
     return [name for name in summary.columns[after:] if not name.startswith("calm_")]
 
 
 def _mean(values: Array) -> str:
-    """With its interval, where there are enough values for one."""
+    """A mean, with its interval if there are enough values."""
     low, high = mean_interval(values)
     return f"{values.mean():.3f}" + (f" ({low:.3f} to {high:.3f})" if np.isfinite(low) else "")
 

@@ -1,4 +1,4 @@
-"""The tables of an experiment, from the sealed files of its runs: learning_curves.csv and summary.csv prove nothing."""
+"""Reads an experiment's tables from the sealed files of its runs; learning_curves.csv and summary.csv have no seal."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from tltlrl.store.run import DamagedError, begun, joined, sealed_run, whole_line
 
 
 def read_curves(folder: Path) -> tuple[pd.DataFrame, list[str]]:
-    """Every row that the runs of an experiment have written, those of runs that go on included.
+    """Every row that the runs of an experiment have written, unfinished runs included.
 
-    Where there are no runs, as beside a table that was copied, learning_curves.csv stands for them.
+    If there are no runs, as beside a copied table, learning_curves.csv is read instead.
 
     Args:
-      folder: of the experiment.
+      folder: folder of the experiment.
 
     Returns:
-      The rows, and what there is to say: that the table is missing, is another one, or has no runs that prove it.
+      The rows, and warnings: that the table is missing, differs from the runs, or has no runs to prove it.
 
     Raises:
-      UserError: if there are neither runs nor a table, a run's file is not as it was written, or a row lacks something.
+      UserError: if there are neither runs nor a table, a run's file is not as it was written, or a row is incomplete.
     """
     path, runs = folder / CURVES, begun(folder)
     ended = runs_ended(runs)
@@ -60,7 +60,7 @@ def read_curves(folder: Path) -> tuple[pd.DataFrame, list[str]]:
 
 
 def read_summary(folder: Path) -> tuple[pd.DataFrame, list[str]]:
-    """One row per finished run; as `read_curves`, of summary.csv."""
+    """One row per finished run, and warnings, as in `read_curves` but for summary.csv."""
     path, runs = folder / SUMMARY, begun(folder)
     if not any((run / DONE).exists() for run in runs):
         try:
@@ -77,17 +77,17 @@ def read_summary(folder: Path) -> tuple[pd.DataFrame, list[str]]:
 
 
 def runs_ended(runs: list[Path]) -> bool:
-    """Whether there are runs, and none of them goes on."""
+    """Whether there are runs, and all of them have ended."""
     return bool(runs) and all((run / DONE).exists() for run in runs)
 
 
 def unproved(path: Path) -> str:
-    """That a table is believed for want of better."""
+    """The warning that a table is used although no runs prove it."""
     return f"{path} is taken as it stands: the runs that would prove it are not there"
 
 
 def another(path: Path) -> str:
-    """That a table is not believed."""
+    """The warning that a table is missing or differs from the runs, and is not used."""
     return (
         f"{path} is missing or not what its runs say, so they are read in its place; the experiment's tltl-run writes "
         "it again"
@@ -95,7 +95,7 @@ def another(path: Path) -> str:
 
 
 def _rows(run: Path) -> str:
-    """progress.csv of a run: of one that has ended, as sealed; of one that goes on, what is whole.
+    """The text of a run's progress.csv: as sealed if the run has ended, otherwise its complete lines.
 
     Raises:
       UserError: if it is not as it was written.
@@ -107,7 +107,7 @@ def _rows(run: Path) -> str:
 
 
 def _runs_of(table: str) -> list[tuple[str, int]]:
-    """Case and seed of the runs of a table, in its order; those whose rows cannot be read are left out."""
+    """Case and seed of the runs in a table, in its order, without rows that cannot be read."""
     rows = csv.DictReader(io.StringIO(table))
     return list(
         dict.fromkeys((str(row.get("case")), int(seed)) for row in rows if (seed := str(row.get("seed"))).isdecimal())

@@ -1,4 +1,4 @@
-"""A learned motion over time: its stretches one by one, its commands, and each clause of the spec so far."""
+"""Draws a learned motion over time: its stretches one by one, its commands, and each clause so far."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ COMMANDS: list[dict[str, str]] = [
 
 
 def draw_strips(run: Run, policy: Policy, path: Path) -> None:
-    """The motion over time, as path.png and path.pdf; `path` is without suffix. See `strips_figure`."""
+    """Draws `strips_figure` as path.png and path.pdf; `path` is without suffix."""
     with own_style():
         save(strips_figure(run, policy), path)
 
@@ -82,7 +82,7 @@ def _caption(motion: Motion, left_out: int) -> str:
 
 
 def _draw_stretches(cells: Sequence[Axes], motion: Motion, view: tuple[int, int]) -> None:
-    """The motion cut into stretches of equal duration, one picture each, the rest of the path in grey."""
+    """Draws stretches of the motion of equal duration, one picture each, with the rest of the path in grey."""
     assert motion.path is not None
     path = motion.path[:, view]
     bounds = np.linspace(0, len(path) - 1, len(cells) + 1).astype(int)

@@ -1,4 +1,4 @@
-"""Learning curves and clauses as TensorBoard's event files, while runs go on, too."""
+"""Exports learning curves and clauses as TensorBoard's event files, also while runs go on."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ def export(
     Args:
       experiment: its folder.
       output: a new or empty folder.
-      follow: go on until every run has ended; then at least one has to have begun.
-      wait: for some seconds between two looks.
+      follow: whether to go on until every run has ended; at least one must have begun.
+      wait: waits for some seconds between two looks at the files.
 
     Returns:
       Folder of a run => its iterations.

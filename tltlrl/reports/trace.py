@@ -1,4 +1,4 @@
-"""A picture of one recorded trajectory: its signals, and what a spec says of it over time."""
+"""Draws one recorded trajectory: its signals, and the robustness of the spec's parts over time."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ MOST_CURVES = len(STYLES) * len(GREYS)
 
 
 def draw(spec: Spec, signals: Mapping[str, Array], why: Explanation, path: str | Path) -> None:
-    """Signals and sub-formulas over time, the deciding moment marked.
+    """Draws signals and sub-formulas over time, with the deciding moment marked.
 
     Args:
-      spec: that was evaluated.
-      signals: of one trajectory, shapes (1, T) and (1, T, d).
+      spec: the spec that was evaluated.
+      signals: signals of one trajectory, shapes (1, T) and (1, T, d).
       why: what decides its robustness.
-      path: of the picture; its suffix says which kind.
+      path: path of the picture; its suffix sets the format.
 
     Raises:
       UserError: if it cannot be saved.
@@ -74,7 +74,7 @@ def _figure(spec: Spec, signals: Mapping[str, Array], why: Explanation) -> Figur
 
 
 def _draw_curves(axis: Axes, curves: Mapping[str, Array], chosen: str | None = None) -> None:
-    """Curves that a reader can tell apart; where there are too many, the band that they fill, and the chosen one."""
+    """Draws curves that a reader can tell apart; if there are too many, their band and the chosen one."""
     if len(curves) > MOST_CURVES:
         together = np.array(list(curves.values()))
         known = ~np.isnan(together).all(axis=0)

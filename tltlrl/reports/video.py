@@ -1,4 +1,4 @@
-"""The learned motion as MuJoCo sees it: a film and a strip of frames, rendered without a display."""
+"""Renders the learned motion with MuJoCo, as a film and a strip of frames; it needs no display."""
 
 from __future__ import annotations
 
@@ -47,8 +47,8 @@ class Film:
     """A motion as pictures.
 
     Attributes:
-      frames: one per sample, (H, W, 3).
-      timestep: between two of them, s.
+      frames: one picture per sample, (H, W, 3).
+      timestep: time between two frames, s.
     """
 
     frames: list[Frame]
@@ -75,10 +75,10 @@ def film(run: Run, policy: Policy, name: str) -> Film:
 
 
 def beside(films: Sequence[Film]) -> Film:
-    """Several films in one, each from its start; one that is shorter keeps its last picture.
+    """Joins several films side by side, each from its start; a shorter one keeps its last picture.
 
     Raises:
-      UserError: if they do not run at the same pace.
+      UserError: if their timesteps differ.
     """
     if len({each.timestep for each in films}) > 1:
         raise UserError("the motions have other times between two samples; render runs of one task side by side")
@@ -93,7 +93,7 @@ def beside(films: Sequence[Film]) -> Film:
 
 
 def write_film(shown: Film, path: Path) -> list[Path]:
-    """path.gif and path.png, six frames of it, and path.mp4 (H.264) where the extra `video` is installed.
+    """Writes path.gif, path.png (six frames) and, if the extra `video` is installed, path.mp4 (H.264).
 
     Args:
       shown: the film.
@@ -129,7 +129,7 @@ def write_film(shown: Film, path: Path) -> list[Path]:
 
 
 def _told(name: str, time: float, clauses: Mapping[str, Array], step: int) -> Frame:
-    """What stands below a picture: (H, WIDTH, 3)."""
+    """The text below a picture, as an image (H, WIDTH, 3)."""
     picture = Image.new("RGB", (WIDTH, LINE * (len(clauses) + 1) + 2 * EDGE), "white")
     draw, font = ImageDraw.Draw(picture), ImageFont.load_default(size=LINE - 4)
     draw.text((EDGE, EDGE), name, fill="black", font=font)
@@ -145,7 +145,7 @@ def _told(name: str, time: float, clauses: Mapping[str, Array], step: int) -> Fr
 
 
 def render_start(task: Task, path: Path) -> None:
-    """The scene at the start with the world's axes: x red, y green, z blue; of an environment its own picture.
+    """Renders the scene at the start with the world's axes (x red, y green, z blue), or an environment's own picture.
 
     Args:
       task: of which scene.
@@ -167,7 +167,7 @@ def render_start(task: Task, path: Path) -> None:
 
 
 def _save(picture: Image.Image, path: Path) -> None:
-    """A .png file, whole or not at all."""
+    """Writes a .png file, whole or not at all."""
     content = io.BytesIO()
     picture.save(content, format="PNG")
     write_bytes(path, content.getvalue())
@@ -177,8 +177,8 @@ def film_strip(frames: list[Frame], timestep: float) -> Image.Image:
     """Six frames in reading order, each with its time, evenly spread over how much the picture changes.
 
     Args:
-      frames: of the film.
-      timestep: between two of them, s.
+      frames: frames of the film.
+      timestep: time between two frames, s.
     """
     height, width, _ = frames[0].shape
     columns = max(STRIP_FRAMES // 2 * WIDTH // width, 1)
