@@ -7,6 +7,7 @@ import pytest
 from tltlrl.errors import UserError
 from tltlrl.learning.policy import Policy
 from tltlrl.simulation.perturb import Perturbation, perturbation_of, perturbed_trials
+from tltlrl.simulation.rollout import Simulator
 from tltlrl.simulation.simulator import simulator_of
 from tltlrl.simulation.trials import trials
 from tltlrl.tasks.planar_arm.scene import PlanarArm, PlanarArmConfig
@@ -18,7 +19,27 @@ POLICY = Policy(
 
 
 def tried(size, **ranges):
-    return perturbed_trials(TASK, POLICY, Perturbation(**ranges), size, 3, np.random.default_rng(0))
+    whole, diverged = perturbed_trials(TASK, POLICY, Perturbation(**ranges), size, 3, np.random.default_rng(0))
+    assert diverged == 0
+    return whole
+
+
+def test_a_trial_that_diverges_is_counted_and_the_others_go_on(monkeypatch):
+    rollout, calls = Simulator.rollout, []
+
+    def diverges(self, *arguments):
+        calls.append(arguments)
+        if len(calls) % 3 == 1:
+            raise FloatingPointError("the simulation diverged")
+        return rollout(self, *arguments)
+
+    plain = tried(1.0, start=0.1)
+    monkeypatch.setattr(Simulator, "rollout", diverges)
+    arguments = (TASK, POLICY, Perturbation(start=0.1), 1.0)
+    whole, diverged = perturbed_trials(*arguments, 3, np.random.default_rng(0))
+    assert diverged == 1
+    np.testing.assert_array_equal(whole.features, plain.features[1:])
+    assert perturbed_trials(*arguments, 1, np.random.default_rng(0)) == (None, 1)
 
 
 def test_at_size_0_trials_are_those_of_the_model():

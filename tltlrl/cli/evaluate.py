@@ -109,12 +109,17 @@ def _tell_off_model(learned: Run, policy: Policy, perturbation: Perturbation, ar
     print("  size  success    95 % Wilson    robustness: 5 %   median  what decides most failures")
     for size in SIZES:
         rng = np.random.default_rng(arguments.seed)
-        tried = try_off_model(learned, policy, perturbation, size, arguments.trials, rng)
-        count = int(np.sum(tried.robustness > 0))
+        tried, diverged = try_off_model(learned, policy, perturbation, size, arguments.trials, rng)
+        robustness, reasons = np.full(diverged, -np.inf), [(diverged, "the simulation diverged")] if diverged else []
+        if tried is not None:
+            robustness = np.concatenate([robustness, tried.robustness])
+            told = failed(learned.spec.explain(tried.signals, tried.lengths))
+            reasons += [(reason.count, reason.what) for reason in told]
+        count = int(np.sum(robustness > 0))
         least, most = share_interval(count, arguments.trials)
-        low, median = np.quantile(tried.robustness, [0.05, 0.5], method="lower")
-        reasons = failed(learned.spec.explain(tried.signals, tried.lengths))
-        why = f"{reasons[0].what} ({reasons[0].count})" if reasons else ""
+        low, median = np.quantile(robustness, [0.05, 0.5], method="lower")
+        most_often = max(reasons, key=lambda reason: reason[0], default=None)
+        why = f"{most_often[1]} ({most_often[0]})" if most_often else ""
         print(
             f"  {size:4.2f}  {f'{count}/{arguments.trials}':<9}  {least:.2f} to {most:.2f}"
             f"  {low:+15.4f}  {median:+7.4f}  {why}".rstrip()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from dataclasses import dataclass, fields
 
@@ -66,7 +67,7 @@ def perturbation_of(text: str) -> Perturbation:
 
 def perturbed_trials(
     task: Task, policy: Policy, perturbation: Perturbation, size: float, count: int, rng: np.random.Generator
-) -> Trajectories:
+) -> tuple[Trajectories | None, int]:
     """Makes `count` trials of the mean policy, each with its own random factors and start.
 
     The same generator gives the same draws at every size, so that sizes are compared on the same trials.
@@ -79,8 +80,8 @@ def perturbed_trials(
       count: number of trials.
       rng: source of the factors, the starts and the actuators' noise.
 
-    Raises:
-      FloatingPointError: if a simulation diverged.
+    Returns:
+      The trials whose simulation did not diverge, if any, and how many did.
     """
     simulator = Simulator(task)
     model = simulator.model
@@ -102,5 +103,9 @@ def perturbed_trials(
         mujoco.mj_setConst(model, scratch)
         push = size * perturbation.start * rng.standard_normal((1, model.nv))
         starts = push if drawn is None else push + drawn
-        motions.append(simulator.rollout(policy.gain, policy.mean[None], noise, starts))
-    return Trajectories(*(np.concatenate([getattr(m, f.name) for m in motions]) for f in fields(Trajectories)))
+        with contextlib.suppress(FloatingPointError):  # a model that far off need not be one that can be simulated
+            motions.append(simulator.rollout(policy.gain, policy.mean[None], noise, starts))
+    if not motions:
+        return None, count
+    whole = (np.concatenate([getattr(motion, field.name) for motion in motions]) for field in fields(Trajectories))
+    return Trajectories(*whole), count - len(motions)

@@ -46,10 +46,15 @@ def try_policy(run: Run, policy: Policy, count: int, rng: np.random.Generator) -
 
 def try_off_model(
     run: Run, policy: Policy, perturbation: Perturbation, size: float, count: int, rng: np.random.Generator
-) -> Trials:
-    """Makes `count` trials of the mean policy, each with a changed model; see `perturbed_trials`."""
+) -> tuple[Trials | None, int]:
+    """Makes `count` trials of the mean policy, each with a changed model; see `perturbed_trials`.
+
+    Returns:
+      The trials whose simulation did not diverge, if any, and how many did.
+    """
     task = make_evaluation_task(run.task)
-    return _judged(run, task, perturbed_trials(task, policy, perturbation, size, count, rng))
+    motion, diverged = perturbed_trials(task, policy, perturbation, size, count, rng)
+    return (None if motion is None else _judged(run, task, motion)), diverged
 
 
 def _judged(run: Run, task: Task, motion: Trajectories) -> Trials:
