@@ -15,6 +15,7 @@ import io
 import json
 import os
 import random
+import resource
 import shutil
 import signal
 import sys
@@ -25,9 +26,13 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
+from tqdm import tqdm
 
-import tltlrl.experiments.experiment  # noqa: F401  # so that the forked commands have it
+import tltlrl.cli.evaluate
+import tltlrl.cli.plot  # noqa: F401  # so that the forked commands have them
 from tltlrl.cli import main as cli
+from tltlrl.experiments import experiment
+from tltlrl.reports import plotting, report
 
 SMALL = (
     "experiment=reach_avoid", "name=small", "seeds=2", "cases=[tltl_episodic]", "trials=2", "algorithm.iterations=2",
@@ -37,7 +42,10 @@ RUN = "small/tltl_episodic/seed_1"
 OF_A_SESSION = (".lock", "timing.csv", "log.txt", "manifest.json", "report.html")
 LAST = "last.npz"  # no result: from where more iterations go on, which start again where it is lost
 MORE = "algorithm.iterations=3"
-SECONDS = 120
+PICTURES = (".png", ".pdf")
+UNNOTICED = ("a bit", "a digit", "a sign")  # in a picture, of which no digest is kept
+SECONDS = 600
+MOST_SECONDS = 60  # of CPU
 BOMB = "a0: &a0 [x,x,x,x,x,x,x,x,x,x]\n" + "".join(
     f"a{i}: &a{i} [{','.join([f'*a{i - 1}'] * 10)}]\n" for i in range(1, 10)
 )
@@ -133,16 +141,19 @@ def damages(undisturbed: Path, count: int, rng: random.Random) -> Iterator[str]:
             found = []
             code, said = command(folder, "evaluate", RUN)
             found.append(wrong(code, said) or ("another evaluation" if code == 0 and said != evaluated else ""))
-            code, said = command(folder, "plot", "small", "--output", "drawn")
+            code, said = command(folder, "plot", "small", "--output", "drawn", first=_without_pdf)
             found.append(wrong(code, said))
             if code == 0 and (folder / "drawn.png").read_bytes() != expected["small/learning_curves.png"]:
                 found.append("another picture")
             before = contents(folder)
-            code, said = command(folder, "tltl-run", *SMALL, "runs_dir=.")
-            after = contents(folder)
+            drawing = file.suffix in (*PICTURES, ".html")  # most of the time, and of these files alone it is a test
+            code, said = command(folder, "tltl-run", *SMALL, "runs_dir=.", first=str if drawing else _without_drawing)
+            after, whole = contents(folder), dict(expected)
             found.append(wrong(code, said))
-            if after != (expected if code == 0 else before):
-                names = {name for name in after.keys() | expected.keys() if after.get(name) != expected.get(name)}
+            if file.suffix in PICTURES and kind in UNNOTICED:
+                whole[str(file)] = after[str(file)]
+            if after != (whole if code == 0 else before):
+                names = {name for name in after.keys() | whole.keys() if after.get(name) != whole.get(name)}
                 found.append(f"exit code {code} and other bytes in {', '.join(sorted(names))}")
             if file.name == LAST:
                 code, said = command(folder, "tltl-run", *SMALL, MORE, "runs_dir=.")
@@ -226,15 +237,15 @@ def forgeries(undisturbed: Path, count: int, rng: random.Random) -> Iterator[str
             folder = Path(name)
             (folder / "victim.txt").write_text("mine")
             for what, arguments in forged(undisturbed, folder, rng):
-                start = time.monotonic()
+                start = _children_seconds()
                 code, said = command(folder, *arguments)
                 found = [wrong(code, said)]
                 if "\x1b" in said or "\x07" in said:
                     found.append("a control character on the terminal")
                 if code == 2 and len(said.splitlines()) > 12:
                     found.append(f"{len(said.splitlines())} lines")
-                if time.monotonic() - start > SECONDS / 2:
-                    found.append(f"{time.monotonic() - start:.0f} s")
+                if (took := _children_seconds() - start) > MOST_SECONDS:
+                    found.append(f"{took:.0f} s")
                 if (folder / "victim.txt").read_text() != "mine":
                     found.append("a file of somebody else's changed")
                 yield "; ".join(f"{what}: {one}" for one in found if one)
@@ -279,6 +290,21 @@ def kills(undisturbed: Path, count: int, rng: random.Random) -> Iterator[str]:
         yield "; ".join(f"{name} killed after {wait:.2f} s: {one}" for one in found if one)
 
 
+def _children_seconds() -> float:
+    """CPU time of the commands that have ended: what waits for other jobs of the machine is no fault."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def _without_pdf() -> None:
+    plotting.FORMATS.pop(".pdf")
+
+
+def _without_drawing() -> None:
+    report.plot_learning_curves = report.plot_clauses = lambda *_, **__: None
+    experiment.write_page = experiment.draw_workspace = lambda *_, **__: None
+
+
 def _die_in(seconds: float) -> None:
     signal.signal(signal.SIGALRM, lambda *_: os.kill(os.getpid(), signal.SIGKILL))
     signal.setitimer(signal.ITIMER_REAL, max(seconds, 0.01))
@@ -312,7 +338,8 @@ def main(arguments: list[str]) -> int:
             ("commands killed", kills, chosen.kills),
         ):
             harm = 0
-            for answer in attack(undisturbed, count, random.Random(chosen.seed)) if count else ():
+            answers = attack(undisturbed, count, random.Random(chosen.seed)) if count else iter(())
+            for answer in tqdm(answers, total=count, desc=what, mininterval=10, disable=not count):
                 if answer:
                     harm += 1
                     print(f"  {answer}", flush=True)
