@@ -4,7 +4,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from tltlrl.errors import UserError
-from tltlrl.reports.plotting import LABELS, STYLES, plot_learning_curves, save, titled
+from tltlrl.reports.plotting import LABELS, STYLES, faintness, plot_learning_curves, save, titled
 from tltlrl.reports.sealed import read_curves
 
 
@@ -154,3 +154,8 @@ def test_a_name_in_letters_that_the_font_lacks_is_drawn_without_a_word(tmp_path,
     figure.text(0.5, 0.5, "机器人")
     save(figure, tmp_path / "figure")
     assert not recwarn.list
+
+
+def test_many_seeds_are_drawn_fainter_and_few_as_ever():
+    assert [faintness(count) for count in (2, 4, 14)] == [1.0] * 3
+    assert faintness(60) == pytest.approx(14 / 60)

@@ -1,11 +1,14 @@
 """Films: what stands below the pictures, several side by side, and the files; nothing is rendered here."""
 
+from types import SimpleNamespace
+
+import mujoco
 import numpy as np
 import pytest
 from PIL import Image
 
 from tltlrl.errors import UserError
-from tltlrl.reports.video import WIDTH, Film, _told, beside, write_film
+from tltlrl.reports.video import AMBIENT, WIDTH, Film, _frame, _told, beside, write_film
 
 
 def frames(count, height=40, width=WIDTH):
@@ -39,3 +42,11 @@ def test_the_files_of_a_film(tmp_path):
     if (mp4 := tmp_path / "motion_0.3.mp4") in files:
         assert mp4.read_bytes()[4:8] == b"ftyp"
         assert b"avc1" in mp4.read_bytes()  # H.264
+
+
+@pytest.mark.parametrize(("light", "bright"), [("", True), ("<light/>", False)])
+def test_a_model_without_a_light_gets_one(light, bright):
+    text = f"<mujoco><worldbody>{light}<geom size='1'/></worldbody></mujoco>"
+    physics = SimpleNamespace(model=mujoco.MjModel.from_xml_string(text), render=lambda *_, **__: np.zeros((2, 2, 3)))
+    _frame(physics, None, [])
+    assert (physics.model.vis.headlight.ambient[0] == np.float32(AMBIENT)) == bright

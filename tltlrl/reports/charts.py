@@ -12,6 +12,8 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from tltlrl.reports.plotting import faintness
+
 Array = NDArray[np.float64]
 
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 460, 260, 56, 12, 10, 40
@@ -82,9 +84,10 @@ def chart(identifier: str, x: Array, lines: Sequence[Line], limits: tuple[float,
             edge = [_points(across(x), down(side), chosen)[0] for side in line.band]
             joined = " ".join([*edge[0].split(), *reversed(edge[1].split())])
             inside.append(f'<polygon class="band" points="{joined}" style="fill:{colour}"/>')
+        faint = faintness(len(line.thin)) if len(line.thin) else 1.0
         for thin in line.thin if len(line.thin) > 1 else ():
             inside += [
-                f'<polyline class="seed" points="{piece}" style="stroke:{colour}"/>'
+                f'<polyline class="seed" points="{piece}" style="stroke:{colour};stroke-opacity:{faint:.2g}"/>'
                 for piece in _points(across(x), down(thin), few)
             ]
         inside += [

@@ -61,6 +61,7 @@ FORMATS: dict[str, dict[str, str | None]] = {".png": {"Software": None}, ".pdf":
 UNDATED = FORMATS | {".svg": {"Date": None}}
 SOURCE = {".png": "Source", ".pdf": "Subject"}  # the words of the formats for where a picture is from
 END = {".png": b"IEND\xaeB`\x82", ".pdf": b"%%EOF"}
+DISTINCT = 14  # seeds whose thin lines can be told apart, and from their mean
 DETAIL = 3.0  # a second row of panels reaches this many times as far below 0 as the best curve above,
 NEEDED = 6.0  # where the worst curve goes this many times as far
 
@@ -221,6 +222,11 @@ def shows(path: Path, source: str) -> bool:
     )
 
 
+def faintness(count: int) -> float:
+    """How much fainter the thin lines of this many seeds are, so that together they do not cover the mean."""
+    return min(1.0, DISTINCT / count)
+
+
 def draw_curves(
     axes: mpl.axes.Axes, curves: pd.DataFrame, measure: str, styles: Mapping[str, Mapping[str, Any]] = STYLES
 ) -> None:
@@ -230,7 +236,8 @@ def draw_curves(
         by_seed = rows.pivot(index="iteration", columns="seed", values=measure)
         values = by_seed.where(np.isfinite(by_seed)).to_numpy()
         if values.shape[1] > 1:
-            axes.plot(by_seed.index, values, linewidth=0.6, alpha=0.55, color=style.get("color"))
+            alpha = 0.55 * faintness(values.shape[1])
+            axes.plot(by_seed.index, values, linewidth=0.6, alpha=alpha, color=style.get("color"))
         low, high = mean_interval(values)
         if np.isfinite(low).any():
             axes.fill_between(by_seed.index, low, high, alpha=0.18, linewidth=0, color=style.get("color"))

@@ -39,6 +39,7 @@ STRIP_FRAMES = 6  # in two rows, or more where frames are wider
 INSIDE_COLOUR = np.array([0.3, 0.5, 0.9, 0.18], dtype=np.float32)
 OUTSIDE_COLOUR = np.array([0.9, 0.4, 0.2, 0.25], dtype=np.float32)  # of what `distance(...) > radius` keeps out of
 CLEARANCE = 0.004  # m, around a region, whose faces would else coincide with those of the body it stands for
+AMBIENT, DIFFUSE = 0.35, 0.55  # light on a model that has none of its own
 DISC_HEIGHT = 0.01  # m, of a region in the plane
 
 
@@ -250,6 +251,9 @@ def _frame(physics: Any, camera: str | None, places: list[Region], option: Any =
                 INSIDE_COLOUR if region.inside else OUTSIDE_COLOUR,
             )
 
+    if physics.model.nlight == 0:  # MuJoCo's own light, which goes with the camera, is dim
+        light = physics.model.vis.headlight
+        light.ambient[:], light.diffuse[:] = AMBIENT, DIFFUSE
     try:
         view = -1 if camera is None else camera
         return np.array(physics.render(HEIGHT, WIDTH, camera_id=view, scene_option=option, scene_callback=draw_regions))
