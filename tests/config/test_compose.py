@@ -36,7 +36,8 @@ def test_a_value_is_what_its_writer_meant(typed, value):
     ("typed", "given"),
     [
         ("name=a,b", "name=a,b"), ("name=Ü,b", 'name="Ü",b'), ("seeds=7,8", "seeds=7,8"),
-        ("name=choice(a,b)", "name=choice(a,b)"), ("cases=tltl_episodic", "cases=tltl_episodic"),
+        ("name=choice(a,b)", "name=choice(a,b)"), ("cases=tltl_episodic", "cases=[tltl_episodic]"),
+        ("cases=a,b", "cases=[a,b]"), ("cases=[a],[b]", "cases=[a],[b]"),
     ],
 )  # fmt: skip
 def test_with_several_values_a_comma_separates_them(typed, given):

@@ -56,7 +56,7 @@ def as_meant(override: str, several: bool = False) -> str:
     `name`, `spec`, `runs_dir` and `policy` (short for `algorithm.policy`) are plain text. With several values, as for
     -m, a comma separates values, unless there is a file of that name. The lists `cases` and `seeds` need no brackets,
     which a shell may take for its own: `cases=tltl_episodic`, `seeds=7,8` and, as in Python, `seeds=7,` for the list
-    of one.
+    of one. With several values that holds of `cases` alone: `seeds=7,8` is then an experiment of 7 and one of 8 seeds.
     """
     key, separator, value = override.partition("=")
     name = key.lstrip("+")
@@ -70,7 +70,8 @@ def as_meant(override: str, several: bool = False) -> str:
         return f"{own}={','.join(map(_text, parts))}"
     if name.startswith("task.signals.") and not value.startswith("[") and not several:
         return f"{key}={_text(value)}"
-    if name in LISTS and not several and re.fullmatch(r"\w+(, *\w+)*,?", value) and (name == "cases" or "," in value):
+    words = re.fullmatch(r"\w+(, *\w+)*,?", value)
+    if words and (name == "cases" or (name in LISTS and "," in value and not several)):  # with -m: so many seeds each
         return f"{key}=[{value.rstrip(',')}]"
     return override
 
