@@ -1,5 +1,6 @@
-"""The same examples on every run: a test that fails once fails again."""
+"""The same examples on every run: a test that fails once fails again. And Ctrl-C, for tests of it."""
 
+import signal
 from pathlib import Path
 
 import forked
@@ -8,6 +9,9 @@ from hypothesis import settings
 
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a job that a script began in the background
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture

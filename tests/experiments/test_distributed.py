@@ -79,6 +79,8 @@ def test_ctrl_c_with_ten_thousand_runs_waiting_ends_at_once(cluster, tmp_path):
         wait_for(lambda: list(tmp_path.glob("runs/small/*/*/progress.csv")))
         (tmp_path / "since").touch()
         os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(60)
+        os._exit(1)  # it goes on with ten thousand runs
 
     code, _, errors = forked.tltl_run(
         tmp_path, *SETTINGS, "seeds=10000", f"engine.address={cluster[0]}",
