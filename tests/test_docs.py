@@ -1,11 +1,13 @@
 """The pages: each is in the site and every link leads somewhere; `make docs` builds them with warnings as errors."""
 
 import re
+import shlex
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tltlrl.config.compose import as_meant, compose
 from tltlrl.registry import TASKS
 
 ROOT = Path(__file__).parents[1]
@@ -39,6 +41,24 @@ def test_every_link_leads_somewhere(page):
 def test_every_path_of_the_code_exists(page):
     for path in re.findall(r"`((?:tltlrl|studies|tests|configs|specs)/[\w/.]+)`", page.read_text(encoding="utf-8")):
         assert (ROOT / path).exists(), path
+
+
+def commands():
+    """Every `tltl-run` of the pages whose experiment or task comes with tltlrl."""
+    found = set()
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8").replace("\\\n", " ")
+        typed = re.findall(r"^(?: {4})?(tltl-run [^\n#]*)", text, re.MULTILINE) + re.findall(
+            r"`(tltl-run [^`]*)`", text
+        )
+        found |= {" ".join(command.split()[1:]) for command in typed}
+    return sorted(c for c in found if re.match(r"experiment=[a-z_]+(?!\S)|task=(gymnasium|suite)(?!\S)", c))
+
+
+@pytest.mark.parametrize("command", commands())
+def test_every_command_of_the_pages_has_keys_and_values_that_are_there(command):
+    """Those that train for long, too; what the spec of a reader's own says is another matter."""
+    assert compose([as_meant(override) for override in shlex.split(command)])
 
 
 def test_every_page_is_in_the_site():
