@@ -62,7 +62,7 @@ def test_reproduce_figures_in_small(tmp_path):
     """The make target itself, every experiment of it, at a small budget."""
     if not (ROOT / ".venv" / ".ready").exists():
         pytest.skip("needs the environment that make test sets up")
-    small = "seeds=2 trials=2 task.steps=90 algorithm.iterations=2 algorithm.samples=6"
+    small = "seeds=1 trials=1 task.steps=90 algorithm.iterations=2 algorithm.samples=6"
     shell(f"make reproduce-figures RUNS={tmp_path} OVERRIDES='{small}'", ROOT)
     for name in (
         "figure_3_3.png",
