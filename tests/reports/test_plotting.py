@@ -4,7 +4,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from tltlrl.errors import UserError
-from tltlrl.reports.plotting import LABELS, STYLES, faintness, plot_learning_curves, save, titled
+from tltlrl.reports.plotting import LABELS, STYLES, curves_figure, faintness, plot_learning_curves, save, titled
 from tltlrl.reports.sealed import read_curves
 
 
@@ -159,3 +159,11 @@ def test_a_name_in_letters_that_the_font_lacks_is_drawn_without_a_word(tmp_path,
 def test_many_seeds_are_drawn_fainter_and_few_as_ever():
     assert [faintness(count) for count in (2, 4, 14)] == [1.0] * 3
     assert faintness(60) == pytest.approx(14 / 60)
+
+
+def test_a_few_iterations_are_counted_whole():
+    frame = curves()
+    figure = curves_figure({"a": frame[frame["iteration"] < 3]})
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        assert np.all(axes.get_xticks() % 1 == 0)

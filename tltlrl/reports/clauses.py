@@ -170,6 +170,7 @@ def clauses_figure(cases: Mapping[str, Mapping[int, Standing]]) -> Figure:
             axes.set_title(title)
         for axes in grid[-1]:
             axes.set_xlabel("iteration")
+            axes.locator_params("x", integer=True)
         lines = grid[0][0].get_legend_handles_labels()
         figure.legend(*lines, title="clauses", loc="outside upper left", **LEGEND)
         if names:

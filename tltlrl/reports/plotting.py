@@ -249,6 +249,7 @@ def draw_curves(
         bbox={"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.7},
     )  # fmt: skip
     axes.set_xlabel("iteration")
+    axes.locator_params("x", integer=True)
     axes.set_ylabel("robustness")
     axes.margins(x=0)
     axes.spines[["top", "right"]].set_visible(False)
