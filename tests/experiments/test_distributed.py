@@ -149,7 +149,9 @@ def test_the_clusters_pages_commands(tmp_path):
     """The first block of docs/clusters.md as written, in small, and the job script's as far as bash can tell."""
     page = (Path(__file__).parents[2] / "docs/clusters.md").read_text()
     (tmp_path / ".venv").symlink_to(sys.prefix)
-    block = page.split("```sh\n")[1].split("```")[0].replace("8786", "18786")
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    block = page.split("```sh\n")[1].split("```")[0].replace("8786", str(port))
     small = " ".join(SETTINGS).replace("iterations=150", "iterations=2").replace("experiment=reach_avoid ", "")
     command = block.replace("tltl-run experiment=reach_avoid", f"tltl-run experiment=reach_avoid {small}")
     script = f"set -e\ntrap 'kill $(jobs -p)' EXIT\n{command}"

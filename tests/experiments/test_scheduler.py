@@ -7,6 +7,7 @@ import json
 import os
 import socket
 import threading
+import traceback
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -44,7 +45,7 @@ def computed(cluster, then):
 def with_a_cluster(workers, then):
     from distributed import LocalCluster
 
-    options = {"processes": False, "protocol": "tcp://", "dashboard_address": None}
+    options = {"processes": False, "protocol": "tcp://", "dashboard_address": "127.0.0.1:0"}
     with LocalCluster("127.0.0.1", n_workers=workers, **options) as cluster:
         return computed(cluster, then)
 
@@ -98,6 +99,8 @@ def scene(tmp_path_factory):
             with open(folder / "errors", "w") as errors:
                 os.dup2(errors.fileno(), 2)
                 (folder / "found.json").write_text(json.dumps(dict(scenes())))
+        except BaseException:
+            (folder / "errors").write_text(traceback.format_exc())
         finally:
             os._exit(0)
     os.waitpid(pid, 0)
