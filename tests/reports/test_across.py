@@ -38,12 +38,24 @@ def test_several_tasks_are_taken_together_by_the_interquartile_mean():
     scores = [rng.uniform(0, 1, 8), rng.uniform(0.5, 1, 8)]
     tables = [summary(f"t{i}", own, success=own) for i, own in enumerate(scores)]
     assert over_tasks(tables[:1]) == []
-    (found,) = over_tasks([*tables, summary("t0", [1.0, 2.0], case="discrete_step")])
-    assert (found.case, found.tasks, found.runs) == ("tltl_episodic", 2, 16)
+    found, shares = over_tasks([*tables, summary("t0", [1.0, 2.0], case="discrete_step")])
+    assert (found.case, found.score, found.tasks, found.runs) == ("tltl_episodic", "success_rate", 2, 16)
     assert found.mean == pytest.approx(trim_mean(np.concatenate(scores), 0.25))
     assert found.low < found.mean < found.high
+    assert shares.score == "robustness_share"
+    assert shares.mean == pytest.approx(trim_mean(np.concatenate([scores[0] / 2, scores[1] / scores[1].max()]), 0.25))
     assert found == over_tasks(tables)[0]
     assert differences({"a": tables[0], "b": tables[1]}) == []
+
+
+def test_no_unit_of_a_spec_weighs_and_a_task_that_nobody_satisfies_has_no_share():
+    metres, seconds = summary("t0", [0.1, 0.2, -0.3]), summary("t1", [0.01, 0.02, -0.03])
+    (_, share) = over_tasks([metres, seconds])
+    assert share.mean == pytest.approx(trim_mean([0.5, 1.0, -1.5] * 2, 0.25))
+    for factor in (1e-3, 1e3):
+        scaled = seconds.assign(robustness_policy=factor * seconds["robustness_policy"])
+        assert over_tasks([metres, scaled])[1].mean == pytest.approx(share.mean)
+    assert [row.score for row in over_tasks([metres, summary("t1", [-1.0, -2.0])])] == ["success_rate"]
 
 
 def test_an_experiment_is_called_by_the_keys_that_differ(tmp_path):

@@ -23,7 +23,10 @@ MEASURES = {
     "robustness_policy": "robustness of the mean policy at the end",
     "robustness_mean_over_run": "robustness of the samples, mean over the run",
 }
-SCORE = "success_rate"  # from 0 to 1 in every task, so that no task outweighs another
+SCORES = {  # of equal size in every task, so that no task outweighs another
+    "success_rate": "the share of successful trials",
+    "robustness_share": "the robustness as a share of the best run's of its task",
+}
 RESAMPLES = 9999
 
 
@@ -89,16 +92,18 @@ def differences(summaries: Mapping[str, pd.DataFrame]) -> list[Difference]:
 
 @dataclass(frozen=True)
 class Aggregate:
-    """The share of successful trials of a case over several tasks: the interquartile mean over runs.
+    """A score of a case over several tasks: the interquartile mean over runs.
 
     Attributes:
       case: name of the case.
+      score: one of `SCORES`.
       tasks, runs: how many there are.
       mean: mean of the middle half of the runs.
       low, high: its 95 % percentile bootstrap interval, with runs drawn within each task.
     """
 
     case: str
+    score: str
     tasks: int
     runs: int
     mean: float
@@ -107,7 +112,7 @@ class Aggregate:
 
     def __str__(self) -> str:
         return (
-            f"{self.case}, {self.tasks} tasks, {self.runs} runs: interquartile mean of the share of successful trials "
+            f"{self.case}, {self.tasks} tasks, {self.runs} runs: interquartile mean of {SCORES[self.score]} "
             f"{self.mean:.3f} ({self.low:.3f} to {self.high:.3f})"
         )
 
@@ -115,33 +120,40 @@ class Aggregate:
 def over_tasks(summaries: Sequence[pd.DataFrame]) -> list[Aggregate]:
     """Aggregates every case that all tasks have; nothing for a single task.
 
-    Measure and interval follow Agarwal et al., Deep Reinforcement Learning at the Edge of the Statistical
-    Precipice (2021).
+    Robustness has the unit of its spec, and so is divided by that of the task's best run, of any case: 1 is as good as
+    the best, 0 or less violates the spec. It is left out if all runs of a task violate theirs. Measure and interval
+    follow Agarwal et al., Deep Reinforcement Learning at the Edge of the Statistical Precipice (2021).
     """
     together = pd.concat(summaries, ignore_index=True)
-    tasks = list(together["task"].unique())
-    if len(tasks) < 2:
+    best = together.groupby("task", sort=False)["robustness_policy"].max()
+    if len(best) < 2:
         return []
+    together["robustness_share"] = together["robustness_policy"] / together["task"].map(best)
+    scores = [score for score in SCORES if score != "robustness_share" or best.min() > 0]
     found = []
-    for case in together["case"].unique():
-        own = together[together["case"] == case]
-        scores = [own.loc[own["task"] == task, SCORE].to_numpy(dtype=float) for task in tasks]
-        if min(map(len, scores)) < 2:
-            continue
-        interval = bootstrap(
-            scores,
-            lambda *samples, axis: trim_mean(np.concatenate(samples, axis=axis), 0.25, axis=axis),
-            n_resamples=RESAMPLES,
-            confidence_level=LEVEL,
-            method="percentile",
-            vectorized=True,
-            rng=np.random.default_rng(0),
-        ).confidence_interval
-        mean = float(trim_mean(np.concatenate(scores), 0.25))
-        found.append(
-            Aggregate(case, len(tasks), sum(map(len, scores)), mean, float(interval.low), float(interval.high))
-        )
+    for score in scores:
+        for case in together["case"].unique():
+            own = together[together["case"] == case]
+            runs = [own.loc[own["task"] == task, score].to_numpy(dtype=float) for task in best.index]
+            if min(map(len, runs)) < 2:
+                continue
+            mean = float(trim_mean(np.concatenate(runs), 0.25))
+            found.append(Aggregate(case, score, len(best), sum(map(len, runs)), mean, *_bootstrapped(runs)))
     return found
+
+
+def _bootstrapped(runs: Sequence[Array]) -> tuple[float, float]:
+    """The interval of the interquartile mean over all runs; `runs` has the scores of each task."""
+    interval = bootstrap(
+        runs,
+        lambda *samples, axis: trim_mean(np.concatenate(samples, axis=axis), 0.25, axis=axis),
+        n_resamples=RESAMPLES,
+        confidence_level=LEVEL,
+        method="percentile",
+        vectorized=True,
+        rng=np.random.default_rng(0),
+    ).confidence_interval
+    return float(interval.low), float(interval.high)
 
 
 def plot_cases(experiments: Mapping[str, pd.DataFrame], path: Path) -> None:
