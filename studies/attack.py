@@ -40,7 +40,7 @@ SMALL = (
 )  # fmt: skip
 RUN = "small/tltl_episodic/seed_1"
 OF_A_SESSION = (".lock", "timing.csv", "log.txt", "manifest.json", "report.html")
-LAST = "last.npz"  # no result: from where more iterations go on, which start again where it is lost
+LAST = "last.npz"  # from where more iterations go on, which start again where it is lost or damaged
 MORE = "algorithm.iterations=3"
 PICTURES = (".png", ".pdf")
 UNNOTICED = ("a bit", "a digit", "a sign")  # in a picture, of which no digest is kept

@@ -83,7 +83,9 @@ def test_more_iterations_go_on_and_what_was_not_asked_for_stays(tmp_path, capsys
     assert "damaged" not in said
     assert "tltl_episodic: satisfied 0 of 1; robustness -" in said  # seed 0 has fewer iterations
     assert f"report: {tmp_path}/a/x/report.md" in said
-    run(tmp_path / "a", "seeds=2", "algorithm.iterations=4")
+    (tmp_path / "a/x/tltl_episodic/seed_0/last.npz").write_bytes(b"")
+    said = run(tmp_path / "a", "seeds=2", "algorithm.iterations=4")
+    assert "seed 0 has only 2 iterations, and starts again: a run cannot be resumed from its last.npz" in said
     run(tmp_path / "b", "seeds=2", "algorithm.iterations=4")
     a, b = tmp_path / "a/x", tmp_path / "b/x"
     for name in ("learning_curves.csv", "summary.csv", "config.yaml", "tltl_episodic/seed_1/policy.npz"):

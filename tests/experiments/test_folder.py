@@ -3,6 +3,7 @@
 import os
 import stat
 
+import forked
 import pytest
 
 from tltlrl.config.compose import compose
@@ -68,3 +69,19 @@ def test_no_value_of_hydras_own_names_code(override, told, tmp_path):
         run_combinations(overrides, started.append)
     assert told in str(refused.value)
     assert not started
+
+
+def test_nor_does_an_experiment_of_ones_own(tmp_path):
+    own = tmp_path / "mine/experiment/own.yaml"
+    own.parent.mkdir(parents=True)
+    callback = "hydra:\n  callbacks:\n    mine:\n      _target_: os.system\n      command: touch made\n"
+    own.write_text("# @package _global_\ndefaults: [reach_avoid, _self_]\n" + callback)
+    started = []
+    overrides = [f"hydra.searchpath=[file://{tmp_path}/mine]", "experiment=own", f"runs_dir={tmp_path}"]
+    with pytest.raises(UserError, match=r"hydra\.callbacks: it names code"):
+        run_combinations([*overrides, "algorithm.epsilon=0.2,0.5"], started.append)
+    assert not started
+    code, said, errors = forked.tltl_run(tmp_path, "--config-dir", "mine", "experiment=own", "algorithm.iterations=0")
+    assert (code, said) == (2, ""), errors  # without -m nothing of hydra: is read
+    assert "algorithm.iterations" in errors
+    assert not (tmp_path / "made").exists()

@@ -14,6 +14,7 @@ from tltlrl.learning.reps import reward_to_go, solve_dual
 from tltlrl.learning.scores import leximin
 from tltlrl.logic import telescope
 from tltlrl.simulation.trials import mean_motion
+from tltlrl.store.files import read_arrays, write_arrays
 from tltlrl.store.run import DamagedError, read_results
 from tltlrl.training import calm as calm_module
 from tltlrl.training import session
@@ -140,7 +141,7 @@ def test_diagnostics_that_change_are_told_and_never_stand_under_other_names(case
     assert "eta_of_phase_two" not in (tmp_path / "progress.csv").read_text()
 
 
-@pytest.mark.parametrize("damage", ["truncated", "missing", "csv too short", "csv missing", "no clauses.csv"])
+@pytest.mark.parametrize("damage", ["truncated", "missing", "csv too short", "csv missing", "no clauses.csv", "forged"])
 def test_a_damaged_checkpoint_starts_the_run_again(cases, tmp_path, monkeypatch, damage):
     run = cases["tltl_episodic"]
     train(run, tmp_path / "undisturbed", lambda _: None)
@@ -158,6 +159,8 @@ def test_a_damaged_checkpoint_starts_the_run_again(cases, tmp_path, monkeypatch,
         checkpoint.write_bytes(checkpoint.read_bytes()[:100])
     elif damage == "missing":
         checkpoint.unlink()
+    elif damage == "forged":
+        forge(checkpoint)
     elif damage == "no clauses.csv":  # as of an older version
         (folder / "clauses.csv").unlink()
     elif damage == "csv too short":
@@ -168,12 +171,18 @@ def test_a_damaged_checkpoint_starts_the_run_again(cases, tmp_path, monkeypatch,
     assert files(folder) == files(tmp_path / "undisturbed")
 
 
+def forge(checkpoint):
+    """Turns the sign of every array of the learner's state, in a file that is whole."""
+    arrays = read_arrays(checkpoint)
+    write_arrays(checkpoint, **{name: -a if name.startswith("state.") else a for name, a in arrays.items()})
+
+
 def files(folder):
     return {name: (folder / name).read_bytes() for name in ("progress.csv", "clauses.csv", "policy.npz", "done.json")}
 
 
 @pytest.mark.parametrize("case", ["tltl_episodic", "continuous_step"])
-@pytest.mark.parametrize("what", ["whole", "killed before it went on", "without its last state", "other rows"])
+@pytest.mark.parametrize("what", ["whole", "killed before it went on", "no last state", "forged", "other rows"])
 def test_given_more_iterations_a_finished_run_goes_on_to_the_same_bytes(cases, tmp_path, monkeypatch, case, what):
     run = cases[case]
     shorter = replace(run, algorithm=replace(run.algorithm, iterations=4))
@@ -186,8 +195,10 @@ def test_given_more_iterations_a_finished_run_goes_on_to_the_same_bytes(cases, t
         monkeypatch.setattr(session, "_train", lambda *_: None)
         train(run, folder, done.append)
         monkeypatch.undo()
-    elif what == "without its last state":  # as results of an older version
+    elif what == "no last state":  # as results of an older version
         (folder / "last.npz").unlink()
+    elif what == "forged":
+        forge(folder / "last.npz")
     elif what == "other rows":
         text = (folder / "progress.csv").read_text().replace("reach_avoid", "reach_avoit", 1)
         (folder / "progress.csv").write_text(text)

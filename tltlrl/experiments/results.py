@@ -15,7 +15,7 @@ from tltlrl.experiments.manifest import with_start_of
 from tltlrl.learning.policy import Policy
 from tltlrl.store import layout
 from tltlrl.store.bounded import read_yaml
-from tltlrl.store.layout import CALM, CONFIG, DONE, SPECS
+from tltlrl.store.layout import CALM, CONFIG, DONE, LAST, SPECS
 from tltlrl.store.run import DamagedError, read_checkpoint, read_results, shelve_checkpoint
 from tltlrl.training.build import make_task
 from tltlrl.training.session import check_policy, learned_policy, shorter_run
@@ -51,12 +51,22 @@ def survey(folder: Path, study: Study) -> tuple[list[Run], int, list[str]]:
         except DamagedError as error:
             if shorter := shorter_run(run, path):
                 missing.append(run)
-                damages.append(f"{label(run)} continues after its {shorter.algorithm.iterations} iterations")
+                damages.append(_continued(run, shorter, path))
                 continue
             damages.append(f"{path}: {error}; the run is computed again")
             if run not in missing[-1:]:
                 missing.append(run)
     return missing, len(runs) - len(missing), damages
+
+
+def _continued(run: Run, shorter: Run, path: Path) -> str:
+    try:
+        if read_checkpoint(path, shorter.identity(), LAST) is not None:
+            return f"{label(run)} continues after its {shorter.algorithm.iterations} iterations"
+        why = f"its {LAST} is missing"
+    except DamagedError as error:
+        why = str(error)
+    return f"{label(run)} has only {shorter.algorithm.iterations} iterations, and starts again: {why}"
 
 
 def finished(folder: Path, study: Study) -> dict[Path, dict[str, Any]]:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from tltlrl.store.bounded import read_json
 from tltlrl.store.files import digest, read_arrays, write_arrays, write_json
@@ -144,14 +144,14 @@ def write_calm_checkpoint(folder: Path, identity: str, state: Mapping[str, NDArr
       identity: of the run and of the learned policy.
       state: name => array.
     """
-    write_arrays(folder / CALM_CHECKPOINT, sha256=digest(identity.encode()), **state)
+    write_arrays(folder / CALM_CHECKPOINT, sha256=_seal_of_arrays(identity, state), **state)
 
 
 def read_calm_checkpoint(folder: Path, identity: str) -> dict[str, NDArray[np.generic]] | None:
     """What `write_calm_checkpoint` was given; None if there is nothing of this run and policy that can be read."""
     try:
         saved = read_arrays(folder / CALM_CHECKPOINT)
-        return saved if str(saved.pop("sha256")) == digest(identity.encode()) else None
+        return saved if str(saved.pop("sha256")) == _seal_of_arrays(identity, saved) else None
     except UNREADABLE:  # then it begins again, and ends in the same motion
         return None
 
@@ -159,14 +159,9 @@ def read_calm_checkpoint(folder: Path, identity: str) -> dict[str, NDArray[np.ge
 def write_checkpoint(folder: Path, identity: str, checkpoint: Checkpoint) -> None:
     """Writes checkpoint.npz, sealed with the rows of progress.csv and clauses.csv, which must be written before."""
     rows = b"".join(first_rows(folder / name, checkpoint.iteration) for name in (PROGRESS, CLAUSES))
-    state = {f"{STATE}{name}": array for name, array in checkpoint.state.items()}
-    write_arrays(
-        folder / CHECKPOINT,
-        iteration=checkpoint.iteration,
-        env_steps=checkpoint.env_steps,
-        sha256=digest(identity.encode() + rows),
-        **state,
-    )
+    content: dict[str, Any] = {f"{STATE}{name}": array for name, array in checkpoint.state.items()}
+    content |= {"iteration": checkpoint.iteration, "env_steps": checkpoint.env_steps}
+    write_arrays(folder / CHECKPOINT, sha256=_seal_of_arrays(identity, content, rows), **content)
 
 
 def read_checkpoint(folder: Path, identity: str, name: str = CHECKPOINT) -> Checkpoint | None:
@@ -187,11 +182,20 @@ def read_checkpoint(folder: Path, identity: str, name: str = CHECKPOINT) -> Chec
         state = {name.removeprefix(STATE): array for name, array in saved.items() if name.startswith(STATE)}
         rows = b"".join(first_rows(folder / name, iteration) for name in (PROGRESS, CLAUSES))
         first_rows(folder / TIMING, iteration)
-        if not state or str(saved["sha256"]) != digest(identity.encode() + rows):
-            raise ValueError(f"the rows of {PROGRESS} or {CLAUSES} are not those it was written with")
+        if not state or str(saved.pop("sha256")) != _seal_of_arrays(identity, saved, rows):
+            raise ValueError(f"it, or a row of {PROGRESS} or {CLAUSES}, is not as it was written")
         return Checkpoint(iteration, int(saved["env_steps"]), state)
     except UNREADABLE as error:
         raise DamagedError(f"a run cannot be resumed from its {name} ({error})") from error
+
+
+def _seal_of_arrays(identity: str, arrays: Mapping[str, ArrayLike], rows: bytes = b"") -> str:
+    """Of a run's state: it decides the results that come after it, as much as a config does."""
+    content = [identity.encode(), rows]
+    for name, values in sorted(arrays.items()):
+        array = np.asarray(values)
+        content += [f"{name} {array.dtype.str} {array.shape}".encode(), array.tobytes()]
+    return digest(b"".join(content))
 
 
 def shelve_checkpoint(folder: Path) -> None:
