@@ -59,6 +59,24 @@ def test_where_automata_grow_too_large_the_slow_ways_are_as_exact(monkeypatch, m
     check(parse_spec(DECLARED + str(formula)), samples(seed))
 
 
+@pytest.mark.parametrize("operator", ["once", "historically"])
+def test_a_window_of_the_past_that_has_not_begun_yet_is_empty(operator):
+    for low in range(7):
+        for high in range(low, 8):
+            check(parse_spec(f"{DECLARED}G ({operator}[{low}, {high}] x < 0 | y > 1)"), samples(high))
+
+
+@pytest.mark.parametrize(
+    "formula",
+    [
+        "(b since[4, inf] x > z <=> abs(x) < w) R[2, 8] (historically[4, 5] x < 0 <=> y < w U[4, 5] x > 1)",
+        "(x > y U[1, 5] z > w) R[2, 4] (x > 0 U[1, 1?] 1.75 <= previous(abs(z)) < w xor y > 0 | 1.75 <= abs(y) < w)",
+    ],
+)
+def test_an_automaton_that_would_take_minutes_to_make_is_given_up(formula):
+    check(parse_spec(DECLARED + formula), samples(0))
+
+
 @given(formulas(), seeds)
 @settings(deadline=None, max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_groups_of_very_different_sizes_are_folded_one_after_the_other(monkeypatch, formula, seed):

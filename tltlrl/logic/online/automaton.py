@@ -22,11 +22,11 @@ Branch = tuple[Guard, Obligations]
 _NONE: Guard = frozenset()
 _DONE: Obligations = frozenset()
 MOST_STATES = 200
-_MOST_BRANCHES = 400  # of one state
+MOST_COMPARISONS = 10_000  # of branches, for one automaton: 0.2 s; one of 100 states needs some 1000
 
 
 class TooLargeError(Exception):
-    """The automaton of a term has too many states."""
+    """The automaton of a term has too many states, or takes too long to make."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,13 +79,15 @@ class Progress:
 
     terms: Terms
     _branches: dict[int, tuple[Branch, ...]] = field(default_factory=dict)
+    _compared: int = 0
 
     def automaton(self, term: int) -> Automaton:
         """The automaton of a term that is read from the first sample on.
 
         Raises:
-          TooLargeError: if it has too many states.
+          TooLargeError: if it has too many states, or branches to compare.
         """
+        self._compared = 0
         start: Obligations = frozenset({(True, term)})
         number, todo = {start: 0}, [start]
         transitions = []
@@ -111,7 +113,7 @@ class Progress:
         """The branches of a term.
 
         Raises:
-          TooLargeError: if there are too many.
+          TooLargeError: if there are too many to compare.
         """
         if term not in self._branches:
             self._branches[term] = self._of(term)
@@ -181,8 +183,7 @@ class Progress:
         return result
 
     def _both(self, a: tuple[Branch, ...], b: tuple[Branch, ...]) -> tuple[Branch, ...]:
-        if len(a) * len(b) > _MOST_BRANCHES**2:
-            raise TooLargeError
+        self._compare(len(a) * len(b))
         pairs = ((g | h, self._reduced(m | n)) for g, m in a for h, n in b)
         return self._absorbed(pair for pair in pairs if self._possible(pair[0]))
 
@@ -193,12 +194,16 @@ class Progress:
         """Without branches that ask for all that another one asks."""
         kept: list[Branch] = []
         for guard, rest in sorted(set(branches), key=_by_size):
+            self._compare(len(kept))
             if not any(g <= guard and all(self._follows(o, rest) for o in n) for g, n in kept):
                 kept = [(g, n) for g, n in kept if not (guard <= g and all(self._follows(o, n) for o in rest))]
                 kept.append((guard, rest))
-                if len(kept) > _MOST_BRANCHES:
-                    raise TooLargeError
         return tuple(kept)
+
+    def _compare(self, branches: int) -> None:
+        self._compared += branches
+        if self._compared > MOST_COMPARISONS:
+            raise TooLargeError
 
     def _follows(self, obligation: Obligation, others: Obligations) -> bool:
         """Whether one of the others implies an obligation."""

@@ -105,7 +105,7 @@ class Memory:
                     return fold(args[0], kept[-1]) if kept else args[0]
                 low, _ = window
                 seen = [*kept, args[0]]
-                return fold.reduce(seen[: len(seen) - low] or [np.full(self.count, _BEFORE[name])])
+                return fold.reduce(seen[: max(len(seen) - low, 0)] or [np.full(self.count, _BEFORE[name])])
         raise AssertionError(op)
 
 
