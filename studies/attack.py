@@ -2,10 +2,10 @@
 
     python -m studies.attack --damages 200 --forged 60 --kills 50
 
-Every attack is followed by the commands that read what it left. It has failed if there was no traceback, no number was
-another one without a word, and the same command came to the bytes of a run that nothing disturbed, or refused and left
-everything as it was. `make attack` adds the kills of `tltl-run` (tests/store/test_killed.py).
-Damages and kills are drawn with --seed; the forged files are a list, gone through again until there are enough.
+After every attack, the commands that read the attacked files are run. The attack has failed if there was no traceback, if
+no number changed without a message, and if the same command either wrote the bytes of an undisturbed run, or refused and
+left everything as it was. `make attack` adds the kills of `tltl-run` (tests/store/test_killed.py). Damages and kills are
+drawn with --seed. The forged files are a list, repeated until there are enough.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def command(folder: Path, *arguments: object, first: Callable[[], object] = lamb
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    """Every file of an experiment that has to be the same whoever computed it, and when."""
+    """Every file of an experiment whose bytes must not depend on who computed it, or when."""
     files = (path for path in sorted((folder / "small").rglob("*")) if path.is_file())
     return {
         str(path.relative_to(folder)): path.read_bytes() for path in files if path.name not in (*OF_A_SESSION, LAST)
@@ -97,7 +97,7 @@ def wrong(code: int, said: str) -> str:
 
 
 def damage(path: Path, rng: random.Random) -> str:
-    """Does something to a file; what, in a word."""
+    """Damages a file; returns how, in a word."""
     content = path.read_bytes()
     digits = [i for i, byte in enumerate(content) if chr(byte).isdigit()]
     kind = rng.choice(["deleted", "emptied", "cut", "a bit", "a digit", "a sign", "deep", "noise", "twice"])

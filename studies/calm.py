@@ -1,4 +1,4 @@
-"""What making learned motions calm changes: every learned policy of some result folders, before and after.
+"""What a calm motion gains: every learned policy of some result folders, as learned and made calm.
 
 python -m studies.calm runs/reach_avoid_best runs/visit_in_order_best --batches 100 --trials 100 --output calm.csv
 

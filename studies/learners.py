@@ -1,4 +1,4 @@
-"""Learners on every task at equal budget: how soon they satisfy the spec, and how near they come to the best there is.
+"""Learners on every task at equal budget: how soon they satisfy the spec, and how near they come to the best possible robustness.
 
     python -m studies.learners --seeds 20 --runs runs --output studies/learners.csv
 
