@@ -2,10 +2,11 @@
 
     python -m studies.attack --damages 200 --forged 60 --kills 50
 
-After every attack, the commands that read the attacked files are run. The attack has failed if there was no traceback, if
-no number changed without a message, and if the same command either wrote the bytes of an undisturbed run, or refused and
-left everything as it was. `make attack` adds the kills of `tltl-run` (tests/store/test_killed.py). Damages and kills are
-drawn with --seed. The forged files are a list, repeated until there are enough.
+After every attack, the commands that read the attacked files are run. The attack has failed if there was no
+traceback, if no number changed without a message, and if the same command either wrote the bytes of an undisturbed
+run, or refused and left everything as it was. `make attack` adds the kills of `tltl-run`
+(tests/store/test_killed.py). Damages and kills are drawn with --seed. The forged files are a list, repeated until
+there are enough.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Learners on every task at equal budget: how soon they satisfy the spec, and how near they come to the best possible robustness.
+"""Learners on every task at equal budget: how soon they satisfy the spec, how near they come to the best.
 
     python -m studies.learners --seeds 20 --runs runs --output studies/learners.csv
 

@@ -1,9 +1,9 @@
 """How smoothly learned policies move the arm, and what that costs: accelerations, command changes, successes.
 
 Measured for every finished run of the given result folders: the noise-free mean policy in the training scene, and the
-noisy trials that summary.csv counts (the same draws, in the evaluation scene). Accelerations are finite differences of the
-joint velocities from one 20 Hz sample to the next, changes of command those of the joints' commanded speeds (without the
-gripper's). The robustness is that of each folder's spec. The policy at the start is measured, too.
+noisy trials that summary.csv counts (the same draws, in the evaluation scene). Accelerations are finite differences
+of the joint velocities from one 20 Hz sample to the next, changes of command those of the joints' commanded speeds
+(without the gripper's). The robustness is that of each folder's spec. The policy at the start is measured, too.
 
     python -m studies.smoothness runs/toast runs/toast_smooth --output smoothness.csv
 """

@@ -1,12 +1,13 @@
 """`tltl search`: the best values of a few keys of a config, asked for by Optuna and answered by ordinary experiments.
 
-It is a command of its own, because `tltl-run` has no candidates, no objective and no best one, and because a search has no
-single folder and table of cases. What may be searched is written in Hydra's own sweep grammar, as for `tltl-run -m`: interval(0,0.4), int(interval(2,8)), tag(log,interval(0.1,2)), range(10,50,10), choice(a,b) or a,b.
+It is a command of its own, because `tltl-run` has no candidates, no objective and no best one, and because a search
+has no single folder and table of cases. What may be searched is written in Hydra's own sweep grammar, as for
+`tltl-run -m`: interval(0,0.4), int(interval(2,8)), tag(log,interval(0.1,2)), range(10,50,10), choice(a,b) or a,b.
 
 Candidate k is the experiment `trial_<k>` in the search's folder, so it is resumed like any other. (Optuna calls it a
-trial; in this code a trial is one of a learned policy.) Its parameters are a pure function of the search's seed, of k and
-of the results before k (`propose`). They enter the journal as one line. So a search that was stopped anywhere tries the
-same candidates as one that was not.
+trial; in this code a trial is one of a learned policy.) Its parameters are a pure function of the search's seed, of k
+and of the results before k (`propose`). They enter the journal as one line. So a search that was stopped anywhere
+tries the same candidates as one that was not.
 """
 
 from __future__ import annotations
