@@ -36,3 +36,8 @@ def spec_path(name: str) -> Path:
     raise UserError(
         f"no spec file {name} here or in {SPECS}{nearest(name, (path.name for path in SPECS.glob('*.tltl')))}"
     )
+
+
+def is_page(task: str) -> bool:
+    """Whether the value of `task` is a path to a robot's page, not a name."""
+    return task.strip("'\"").lower().endswith((".yaml", ".yml"))

@@ -38,6 +38,8 @@ def test_a_value_is_what_its_writer_meant(typed, value):
         ("name=a,b", "name=a,b"), ("name=Ü,b", 'name="Ü",b'), ("seeds=7,8", "seeds=7,8"),
         ("name=choice(a,b)", "name=choice(a,b)"), ("cases=tltl_episodic", "cases=[tltl_episodic]"),
         ("cases=a,b", "cases=[a,b]"), ("cases=[a],[b]", "cases=[a],[b]"),
+        ("task.signals.tip=s[0:2]", 'task.signals.tip="s[0:2]"'),
+        ("task.signals.tip=s,s[0]", 'task.signals.tip=s,"s[0]"'), ("task.signals.tip=[a,b]", "task.signals.tip=[a,b]"),
     ],
 )  # fmt: skip
 def test_with_several_values_a_comma_separates_them(typed, given):

@@ -30,6 +30,8 @@ def test_the_last_value_of_a_key_counts_and_a_list_is_one_value(overrides, expec
 def test_what_cannot_be_enumerated_is_told():
     with pytest.raises(UserError, match=r"trials=interval\(1,2\): -m needs single values"):
         combinations(["trials=interval(1,2)"])
+    with pytest.raises(UserError, match=r"^constants.r=\[0:2: not readable as key=value"):
+        combinations(["constants.r=[0:2"])
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """The dm_env view: what it adds to a task, and nothing else."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -13,6 +15,13 @@ from tltlrl.tasks.planar_arm.scene import PlanarArm, PlanarArmConfig
 from tltlrl.tasks.toast.scene import Toast, ToastConfig
 
 STEPS = 12
+SLIDER = """\
+<mujoco>
+  <option timestep="0.02" gravity="0 0 0"/>
+  <worldbody><body><joint name="slide" type="slide"/><geom size="0.1"/></body></worldbody>
+  <actuator><motor name="push" joint="slide" ctrlrange="-1 1"/></actuator>
+</mujoco>
+"""
 
 
 @pytest.fixture
@@ -125,3 +134,36 @@ def test_load_task_has_the_first_hand_made_reward(name):
 def test_an_unknown_task_is_told():
     with pytest.raises(UserError, match=r"^no task is named tost; did you mean toast\?$"):
         tltlrl.load_task("tost")
+
+
+def test_load_task_takes_the_page_of_a_robot(tmp_path):
+    """With the spec beside it as its reward, or none; a path or its text."""
+    page = tmp_path / "arm.yaml"
+    (tmp_path / "arm.xml").write_text(SLIDER)
+    page.write_text("model: arm.xml\nduration: 0.1\ncontrol_timestep: 0.02\nsignals: {place: qpos.slide}\n")
+    commands = np.ones((4, 1))
+    assert [step.reward for step in stepped(tltlrl.load_task(page, seed=0), commands)[1:]] == [0.0] * 4
+    (tmp_path / "arm.tltl").write_text("signal place\nspec: F place > 1\n")
+    (*before, last) = stepped(tltlrl.load_task(str(page), seed=0), commands)[1:]
+    assert [step.reward for step in before] == [0.0] * 3
+    assert last.last()
+    assert last.reward == last.observation["qpos"][0] - 1
+
+
+@pytest.mark.parametrize(
+    ("task", "beside", "message"),
+    [
+        ("arn.yaml", "", "task=arn.yaml: there is no such file; give the page of a robot"),
+        ("arm.yaml", "signal top\nspec: F top > 1\n", "spec: it needs a signal top, which arm has not; there are: "),
+        ("mjcf", "", "task: a robot is described by a page; give its file"),
+        ("suite", "", "suite: its environments step by themselves; load one with dm_control.suite.load"),
+    ],
+)
+def test_load_task_says_what_is_wrong(task, beside, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "arm.xml").write_text(SLIDER)
+    (tmp_path / "arm.yaml").write_text("model: arm.xml\ncontrol_timestep: 0.02\nsignals: {place: qpos.slide}\n")
+    if beside:
+        (tmp_path / "arm.tltl").write_text(beside)
+    with pytest.raises(UserError, match=re.escape(message)):
+        tltlrl.load_task(task)

@@ -31,12 +31,13 @@ def run(arguments: Namespace) -> int:
     if arguments.task is None:
         print(_all())
         return 0
-    from tltlrl.config.compose import FOREIGN, is_page
+    from tltlrl.config.compose import FOREIGN
     from tltlrl.registry import TASKS
+    from tltlrl.resources import is_page
     from tltlrl.simulation.probe import ranges_seen
 
     if is_page(arguments.task):
-        from tltlrl.config.robot import config_of, path_of
+        from tltlrl.tasks.mjcf.file import config_of, path_of
 
         config = config_of(path_of(arguments.task))
     else:

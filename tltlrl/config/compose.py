@@ -15,7 +15,7 @@ from typing import Any
 from tltlrl.config.compare import flatten
 from tltlrl.errors import UserError, module_of, nearest
 from tltlrl.registry import TASKS
-from tltlrl.resources import CONFIGS, user_path
+from tltlrl.resources import CONFIGS, is_page, user_path
 from tltlrl.store.bounded import BoundsError, check_yaml
 
 GROUPS = ("experiment", "task", "reward", "algorithm", "engine")  # chosen by the name of a file in configs/
@@ -68,8 +68,9 @@ def as_meant(override: str, several: bool = False) -> str:
         parts = value.split(",") if several and not user_path(value).exists() else [value]
         own = "algorithm.policy" if name == "policy" else key
         return f"{own}={','.join(map(_text, parts))}"
-    if name.startswith("task.signals.") and not value.startswith("[") and not several:
-        return f"{key}={_text(value)}"
+    if name.startswith("task.signals.") and not re.match(r"\[|(choice|glob|shuffle|sort)\(", value):
+        parts = value.split(",") if several else [value]
+        return f"{key}={','.join(map(_text, parts))}"
     words = re.fullmatch(r"\w+(, *\w+)*,?", value)
     if words and (name == "cases" or (name in LISTS and "," in value and not several)):  # with -m: so many seeds each
         return f"{key}=[{value.rstrip(',')}]"
@@ -116,8 +117,9 @@ def completed(overrides: Sequence[str]) -> list[str]:
     standing, name = {"name": task}, task
     if page:
         from tltlrl.config import robot  # imports MuJoCo; other mistakes are reported before that
+        from tltlrl.tasks.mjcf.file import path_of
 
-        path = robot.path_of(task)
+        path = path_of(task)
         standing, name = robot.standing(path), robot.offer(path)
     elif task in FOREIGN:
         if task == "suite" and "task.name" in given:  # as dm_control calls it; the name is that of the kind of task
@@ -129,11 +131,6 @@ def completed(overrides: Sequence[str]) -> list[str]:
     chosen = ["~experiment", f"+reward={given.get('reward', name)}", f"+task={name}"]  # the last is looked for first
     rest = [override for override in addable if override.partition("=")[0] not in ("task", "reward")]
     return [*chosen, *(f"{key}={quoted(value)}" for key, value in standing.items()), "cases=[tltl_episodic]", *rest]
-
-
-def is_page(task: str) -> bool:
-    """Whether the value of `task` is a path to a robot's page, not a name."""
-    return task.strip("'\"").lower().endswith((".yaml", ".yml"))
 
 
 def spec_of(task: str) -> str | None:
@@ -270,6 +267,7 @@ def _explain_missing(key: str, overrides: Sequence[str]) -> str:
 
 
 def _explain_unreadable(override: str) -> str:
+    override = override.removeprefix("++")  # which `_addable` may have put there
     if override in names("experiment"):
         return f"{override}: did you mean experiment={override}?"
     if override == "help":

@@ -25,6 +25,7 @@ from tltlrl.simulation.simulator import Simulates, simulator_of
 from tltlrl.simulation.trials import mean_motion
 from tltlrl.store.files import arrays_in
 from tltlrl.store.run import UNREADABLE
+from tltlrl.tasks.signals import check_signals
 from tltlrl.tasks.task import StepReward, Task
 from tltlrl.training.study import TLTL, AlgorithmConfig, Run, Stage, Study
 
@@ -235,7 +236,7 @@ def check(study: Study) -> None:
         for stage in filter(None, (run.stage(0), run.refine)):
             make_learner(run, stage).start(first_policy(task, stage.algorithm))
         make_reward(run)
-    _check_signals(study.spec, task)
+    check_signals(study.spec, task)
     simulator_of(task)
     if study.task.name in TASKS.described and task.outside is None:  # a model that the user brought
         ranges_seen(task, np.random.default_rng(0))
@@ -259,21 +260,3 @@ def cut_windows(study: Study) -> str | None:
     if horizon is None or horizon <= last:
         return None
     return f"the spec looks as far as step {horizon}, and an episode ends at step {last}: its windows are cut there"
-
-
-def _check_signals(spec: Spec, task: Task) -> None:
-    features, commands = task.reference()
-    signals = task.signals(features[None], commands[None])
-    offered = {name: None if values.ndim == 2 else values.shape[2] for name, values in signals.items()}
-    for name, dimension in spec.signals.items():
-        if name not in offered:
-            raise UserError(f"spec: it needs a signal {name}, which {task.name} has not{nearest(name, offered)}")
-        if dimension != offered[name]:
-            raise UserError(
-                f"spec: it reads {name} as {_kind(dimension)}, but in {task.name} it is {_kind(offered[name])}"
-            )
-    spec.check_length(signals)
-
-
-def _kind(dimension: int | None) -> str:
-    return "a scalar" if dimension is None else f"a vector of {dimension}"

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from robots import MODELS
 
-from tltlrl.config.robot import config_of
 from tltlrl.errors import UserError
 from tltlrl.tasks.mjcf.evaluation import evaluation_of
+from tltlrl.tasks.mjcf.file import config_of
 from tltlrl.tasks.mjcf.robot import Robot
 
 CASES = [case.split(">>\n") for case in (Path(__file__).parent / "mistakes.txt").read_text().split("==\n")]

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from robots import ARM, MODELS
 
-from tltlrl.config.robot import config_of
 from tltlrl.errors import UserError
 from tltlrl.simulation.check_task import check_task
 from tltlrl.simulation.probe import ranges_seen
@@ -13,6 +12,7 @@ from tltlrl.simulation.rollout import Simulator
 from tltlrl.simulation.stepping import Stepper
 from tltlrl.tasks.environment import environment
 from tltlrl.tasks.mjcf.evaluation import evaluation_of
+from tltlrl.tasks.mjcf.file import config_of
 from tltlrl.tasks.mjcf.robot import Robot
 
 PAGE = """\
