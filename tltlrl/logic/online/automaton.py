@@ -22,7 +22,7 @@ Branch = tuple[Guard, Obligations]
 _NONE: Guard = frozenset()
 _DONE: Obligations = frozenset()
 MOST_STATES = 200
-MOST_COMPARISONS = 10_000  # of branches, for one automaton: 0.2 s; one of 100 states needs some 1000
+MOST_COMPARISONS = 300_000  # of branches and obligations, for one automaton: about 0.3 s
 
 
 class TooLargeError(Exception):
@@ -200,8 +200,8 @@ class Progress:
                 kept.append((guard, rest))
         return tuple(kept)
 
-    def _compare(self, branches: int) -> None:
-        self._compared += branches
+    def _compare(self, count: int) -> None:
+        self._compared += count
         if self._compared > MOST_COMPARISONS:
             raise TooLargeError
 
@@ -209,6 +209,7 @@ class Progress:
         """Whether one of the others implies an obligation."""
         if obligation in others:
             return True
+        self._compare(len(others))
         strong, term = obligation
         return any(own >= strong and self.terms.implies(other, term) for own, other in others)
 
