@@ -29,7 +29,9 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("picture", help="a .png file")
     chosen = parser.parse_args(arguments)
     spec = parse_spec(SPEC)
-    figure, axes = plt.subplots(2, 2, figsize=(9, 5), sharex=True, sharey="row", height_ratios=(1, 2))
+    figure, axes = plt.subplots(
+        2, 2, figsize=(6.5, 4.2), sharex=True, sharey="row", height_ratios=(1, 2), layout="constrained"
+    )
     for column, (title, x) in enumerate(PATHS.items()):
         monitor = spec.monitor()
         read = [monitor.update({"x": value}) for value in x]
@@ -59,10 +61,10 @@ def main(arguments: list[str] | None = None) -> None:
         below.set_xlabel("step")
     axes[0, 0].set_ylabel("x")
     axes[1, 0].set_ylabel("robustness")
-    axes[1, 1].legend(loc="upper right", fontsize=8)
     figure.suptitle(SPEC, fontsize=10)
-    figure.tight_layout()
-    figure.savefig(chosen.picture, dpi=110)
+    lines = axes[1, 1].get_legend_handles_labels()
+    figure.legend(*lines, loc="outside lower center", ncols=3, frameon=False, fontsize=8)
+    figure.savefig(chosen.picture, dpi=150)
 
 
 if __name__ == "__main__":

@@ -52,12 +52,14 @@ def commands():
             r"`(tltl-run [^`]*)`", text
         )
         found |= {" ".join(command.split()[1:]) for command in typed}
-    return sorted(c for c in found if re.match(r"experiment=[a-z_]+(?!\S)|task=(gymnasium|suite)(?!\S)", c))
+    there = r"experiment=[a-z_]+(?!\S)|task=(gymnasium|suite|examples/\S+)(?!\S)"
+    return sorted(c for c in found if re.match(there, c))
 
 
 @pytest.mark.parametrize("command", commands())
-def test_every_command_of_the_pages_has_keys_and_values_that_are_there(command):
+def test_every_command_of_the_pages_has_keys_and_values_that_are_there(command, monkeypatch):
     """Those that train for long, too; what the spec of a reader's own says is another matter."""
+    monkeypatch.chdir(ROOT)
     assert compose([as_meant(override) for override in shlex.split(command)])
 
 

@@ -1,6 +1,9 @@
 """Gymnasium environments whose reward is a spec's robustness."""
 
+import re
+import textwrap
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -183,3 +186,31 @@ def test_an_episode_starts_where_the_tasks_spread_puts_it(monkeypatch):
     np.testing.assert_array_equal(together[:, :3], alone[:2])
     assert 0 < np.abs(alone[0] - still[:3]).max() < 0.5
     assert np.abs(alone[0] - alone[1]).max() > 0
+
+
+def test_the_pages_environments(tmp_path, monkeypatch):
+    """The code of docs/online.md as written, on a spec and an environment of the kind that it speaks of."""
+    page = (Path(__file__).parents[1] / "docs/online.md").read_text(encoding="utf-8").split("## Gymnasium")[1]
+    made, wrapped, pendulum = re.findall(r"(?<=\n\n)((?: {4}.*\n)+)", page)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my_task.tltl").write_text(f"const goal_radius = 0.2\n{SHORT.replace('0.5', 'goal_radius')}")
+    (tmp_path / "task.tltl").write_text("signal ee[2]\nsignal fuel\nspec: F (ee.x > 0.5) & G (fuel > 0)")
+    names = {"tltlrl": tltlrl}
+    exec(textwrap.dedent(made), names)
+    names["env"].reset(seed=0)
+    names["envs"].reset(seed=0)
+    assert names["envs"].num_envs == 20
+    names["env"] = Fuelled(gymnasium.make("Pendulum-v1"))
+    exec(textwrap.dedent(wrapped), names)
+    assert "robustness" in names["env"].reset(seed=0)[1]
+    exec(textwrap.dedent(pendulum), names)
+    names["env"].reset(seed=0)
+    assert "robustness" in names["env"].step(names["env"].action_space.sample())[-1]
+
+
+class Fuelled(gymnasium.Wrapper):
+    """An environment that tells its fuel."""
+
+    def reset(self, **options):
+        observation, info = super().reset(**options)
+        return observation, info | {"fuel": 1.0}

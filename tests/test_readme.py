@@ -2,6 +2,7 @@
 
 import os
 import re
+import shlex
 import subprocess
 import sys
 import tomllib
@@ -10,8 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tltlrl.cli.check import check
 from tltlrl.config.compose import as_meant, compose, searchpath
 from tltlrl.config.read import read
+from tltlrl.experiments.search import parse_space
+from tltlrl.resources import SPECS
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()
@@ -118,12 +122,21 @@ def test_the_page_of_a_package_index_needs_no_checkout():
     assert "\npip install tltlrl " in page
     assert project["license"] in page
     assert blocks(page, "python")[0] in DOCS["api"]  # where it is tested
+    assert check(SPECS / blocks(page, "sh")[0].split("tltl check ")[1].split()[0]) == 0
     for command in re.findall(r"^tltl-run (.*)$", page, flags=re.MULTILINE):
         read(compose([as_meant(override) for override in command.split()]))
 
 
 def test_an_experiment_of_ones_own_as_documented(tmp_path):
-    (tmp_path / "experiment").mkdir()
-    (tmp_path / "experiment/short.yaml").write_text(blocks(DOCS["configs"], "yaml")[0])
-    study, _ = read(compose([*searchpath(tmp_path), "experiment=short"]))
+    page = DOCS["configs"]
+    top, place = re.findall(r"^ *(\S+/\S*)", blocks(page, "")[0], flags=re.MULTILINE)[:2]
+    (tmp_path / top / place).parent.mkdir(parents=True)
+    (tmp_path / top / place).write_text(blocks(page, "yaml")[0])
+    run, search = re.findall(r"^    tltl(?:-run| search) --config-dir (.*)$", page, flags=re.MULTILINE)
+    folder, chosen = run.split()
+    study, _ = read(compose([*searchpath(tmp_path / folder), chosen]))
+    folder, *chosen = shlex.split(search)
+    fixed, space, _ = parse_space(chosen)
+    assert compose([*searchpath(tmp_path / folder), *fixed])["name"] == "short"
+    assert [*space] == ["algorithm.epsilon"]
     assert (study.name, study.seeds, study.task.steps, study.algorithm.samples) == ("short", (3,), 30, 4)

@@ -1,8 +1,11 @@
 """A stranger's robot by the commands: new, tasks, a run, its trials, and what is told when its model was changed."""
 
+import re
+import shlex
 import shutil
 from pathlib import Path
 
+import forked
 import pytest
 import yaml
 
@@ -125,3 +128,51 @@ def test_an_example_is_a_robot_and_its_spec_fits(name, signals):
     study, _ = read(compose([f"task={EXAMPLES / name / name}.yaml"]))
     assert study.name == name
     assert dict(study.spec.signals) == signals
+
+
+PAGES_MODEL = """\
+<mujoco>
+  <option timestep="0.01" gravity="0 0 0"/>
+  <worldbody>
+    <camera name="front" pos="0 -3 0" xyaxes="1 0 0 0 0 1"/>
+    <body>
+      <joint name="shoulder" axis="0 0 1" damping="1"/>
+      <geom type="capsule" fromto="0 0 0 1 0 0" size=".05"/>
+      <body pos="1 0 0">
+        <joint name="elbow" axis="0 0 1" damping="1"/>
+        <geom type="capsule" fromto="0 0 0 1 0 0" size=".05"/>
+        <site name="tip" pos="1 0 0"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <motor name="shoulder" joint="shoulder" gear="5" ctrlrange="-1 1"/>
+    <motor name="elbow" joint="elbow" gear="5" ctrlrange="-1 1"/>
+  </actuator>
+  <keyframe><key name="home" qpos="0 0.5"/></keyframe>
+</mujoco>
+"""
+
+
+def test_the_page_on_robots_as_written(tmp_path, monkeypatch, capsys):
+    """docs/bring-your-robot.md: its commands in small, on a page that is the page's, and its message."""
+    text = (EXAMPLES.parent / "docs/bring-your-robot.md").read_text(encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "arm.xml").write_text(PAGES_MODEL)
+    shells = re.findall(r"^```sh\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    new, tasks, run, evaluate, _ = "".join(shells).splitlines()
+    assert tltl(*shlex.split(new)[1:]) == 0
+    (page,) = re.findall(r"^```yaml\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    (tmp_path / "arm.yaml").write_text(page.replace("site_xpos.tip", "site_xpos.tipp"))
+    capsys.readouterr()
+    assert tltl(*shlex.split(tasks)[1:]) == 2
+    (said,) = re.findall(r"^    (arm\.yaml:10: .*)$", text, re.MULTILINE)
+    assert said in capsys.readouterr().err
+    (tmp_path / "arm.yaml").write_text(page)
+    assert tltl(*shlex.split(tasks)[1:]) == 0
+    for place in forked.PICTURES:
+        monkeypatch.setattr(place, lambda *_, **__: None)
+    assert cli.run([*shlex.split(run)[1:], *BUDGET]) == 0
+    (perturbed,) = re.findall(r"^    (tltl evaluate .*)$", text, re.MULTILINE)
+    for command in (evaluate, perturbed):
+        assert tltl(*shlex.split(command.replace("--trials 100", "--trials 4"))[1:]) == 0

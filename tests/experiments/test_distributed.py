@@ -2,6 +2,8 @@
 
 import json
 import os
+import re
+import shutil
 import signal
 import socket
 import subprocess
@@ -10,9 +12,15 @@ import threading
 import time
 from pathlib import Path
 
+import dask
+import distributed
 import forked
+import hydra
 import pytest
+from distributed.cli import dask_scheduler, dask_worker
 
+from tltlrl.config.compare import flatten
+from tltlrl.config.compose import compose, initialized, parse
 from tltlrl.errors import UserError
 from tltlrl.experiments import scheduler
 
@@ -162,3 +170,44 @@ def test_the_clusters_pages_commands(tmp_path):
     assert (tmp_path / "runs/small/summary.csv").exists()
     sbatch = page.split("```sbatch\n")[1].split("```")[0]
     subprocess.run(["bash", "-n"], input=sbatch, text=True, check=True, timeout=10)
+
+
+CLUSTERS = (Path(__file__).parents[2] / "docs/clusters.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="no openssl to make a certificate with")
+def test_the_certificate_of_the_page_is_what_dask_asks_for(tmp_path):
+    """The second block: the certificate and the variables as written; the arguments of what it starts."""
+    block = CLUSTERS.split("```sh\n")[2].split("```")[0]
+    given, *started = re.split(r"(?=^dask scheduler)", block, maxsplit=1, flags=re.MULTILINE)
+    done = subprocess.run(
+        ["bash", "-euc", f"{given}env"], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "key.pem").stat().st_mode & 0o077 == 0
+    environment = dict(line.split("=", 1) for line in done.stdout.splitlines() if line.startswith("DASK_"))
+    with dask.config.set(flatten(dask.config.collect_env(environment))):
+        security = distributed.Security()
+        assert security.require_encryption
+        for role in ("scheduler", "worker", "client"):
+            assert security.get_connection_args(role)["ssl_context"]
+    scheduler_line, worker_line, _, run_line = started[0].replace("&", "").splitlines()
+    for command, line in ((dask_scheduler, scheduler_line), (dask_worker, worker_line)):
+        assert command.main.make_context("dask", line.split()[2:])
+    assert compose(run_line.split()[1:])["engine"]["address"].startswith("tls://")
+
+
+def test_the_launchers_of_the_page_have_its_keys():
+    """SLURM is not there to be asked; the keys of Hydra's launcher are."""
+    pytest.importorskip("hydra_plugins.hydra_submitit_launcher")
+    jobs = re.findall(r"^    sbatch .*?tltl\.sbatch (.*)$", CLUSTERS, re.MULTILINE)
+    assert len(jobs) == 2
+    for line in jobs:
+        assert compose(line.split())
+    (line,) = re.findall(r"^    tltl-run -m (.*)$", CLUSTERS.replace("\\\n", " "), re.MULTILINE)
+    launcher = [word for word in line.split() if word.startswith("hydra")]
+    with initialized():
+        config = hydra.compose("config", [*launcher, "experiment=reach_avoid"], return_hydra_config=True)
+    assert config.hydra.launcher.timeout_min == 240
+    for override in parse([word for word in line.split() if not word.startswith("hydra")]):
+        assert override.key_or_group in ("experiment", "workers", "algorithm.epsilon")

@@ -118,7 +118,7 @@ def test_what_is_drawn_of_so_many_seeds_and_what_is_said_of_it(drawn, seeds, lin
     for axes in figure.axes:
         assert len(axes.get_lines()) == lines + 1  # and the line at 0
         assert len(axes.collections) == bands
-        assert axes.get_ylabel() == "robustness"  # in whatever unit the spec's predicates have
+        assert axes.get_ylabel() == "robustness\n(above 0: satisfied)"  # in whatever unit the spec's predicates have
     said = figure.get_supxlabel().splitlines()
     assert caption in said
     assert "Robustness of the spec, in the unit of its predicates, whatever the case was trained on." in said

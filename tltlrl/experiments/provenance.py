@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from typing import Any
 
 from tltlrl.config.compare import flatten
@@ -21,11 +22,7 @@ def provenance(study: Study, content: Mapping[str, Any]) -> Provenance:
     """
     git = content["git"] or {}
     commit = f"{git.get('commit', 'not known')}{', with changes' if git.get('dirty') else ''}"
-    task = study.settings.get("task", {})
-    try:
-        defaults = flatten(compose([f"task={task.get('file') or study.task.name}"]))
-    except UserError:  # the page of a robot that lies elsewhere now
-        defaults = {}
+    page = study.settings.get("task", {}).get("file")
     return Provenance(
         [content["command"], *(session["command"] for session in content["later_sessions"])],
         {
@@ -36,5 +33,16 @@ def provenance(study: Study, content: Mapping[str, Any]) -> Provenance:
             "started": content["started"],
         },
         flatten(study.settings),
-        defaults,
+        _defaults(page) if page else _defaults_of(study.task.name),
     )
+
+
+def _defaults(task: str) -> dict[str, Any]:
+    """What a bare `tltl-run task=NAME` would be; nothing if it is not there (a robot's page that was moved)."""
+    try:
+        return flatten(compose([f"task={task}"]))
+    except UserError:
+        return {}
+
+
+_defaults_of = cache(_defaults)  # for tasks by name, whose files do not change; composing takes 0.2 s

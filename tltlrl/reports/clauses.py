@@ -147,7 +147,7 @@ def clauses_figure(cases: Mapping[str, Mapping[int, Standing]]) -> Figure:
     names = _most(first.names, [(mean, NAME) for mean in means.values()])
     columns = 3 if names else 2
     with own_style():
-        figure = Figure(figsize=(3.4 * columns, 1.6 + 0.18 * max(len(clauses), len(names)) + 1.9 * len(cases)))
+        figure = Figure(figsize=(2.3 * columns, 1.8 + 0.18 * max(len(clauses), len(names)) + 1.5 * len(cases)))
         figure.set_layout_engine("constrained")
         grid = figure.subplots(len(cases), columns, squeeze=False, sharex="col")
         for row, (case, mean) in zip(grid, means.items(), strict=True):
@@ -162,9 +162,9 @@ def clauses_figure(cases: Mapping[str, Mapping[int, Standing]]) -> Figure:
                 axes.set_ylim(-4, 104)
             row[0].set_ylabel(LABELS.get(case, case).replace(", ", ",\n"))
         titles = (
-            "decides, % of samples",
-            "robustness of samples: mean (thin: best)",
-            "met at some moment, % of samples",
+            "decides,\n% of samples",
+            "robustness of samples:\nmean (thin: best)",
+            "met at some moment,\n% of samples",
         )
         for axes, title in zip(grid[0], titles, strict=False):
             axes.set_title(title)

@@ -111,7 +111,9 @@ def curves_figure(experiments: Mapping[str, pd.DataFrame]) -> Figure:
     with own_style():
         near = {title: near_zero(curves, "robustness_mean") for title, curves in experiments.items()}
         rows, columns = 2 + any(near.values()), len(experiments)
-        figure = Figure(figsize=(0.5 + 5.0 * columns, 1.7 + 2.5 * rows), layout="constrained")
+        figure = Figure(
+            figsize=(0.5 + (5.0 if columns == 1 else 3.3 * columns), 1.7 + 2.3 * rows), layout="constrained"
+        )
         for column, (title, curves) in enumerate(experiments.items(), start=1):
             above = figure.add_subplot(rows, columns, column)
             draw_curves(above, curves, "robustness_mean")
@@ -243,13 +245,8 @@ def draw_curves(
             axes.fill_between(by_seed.index, low, high, alpha=0.18, linewidth=0, color=style.get("color"))
         axes.plot(by_seed.index, values.mean(axis=1), linewidth=1.6, label=LABELS.get(str(case), str(case)), **style)
     axes.axhline(0.0, color="0.5", linewidth=0.8, zorder=0)
-    axes.annotate(
-        "above 0: satisfied", (0.0, 0.0), xycoords=("axes fraction", "data"), xytext=(4, 2),
-        textcoords="offset points", ha="left", va="bottom", fontsize=7, color="0.3", zorder=5,
-        bbox={"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.7},
-    )  # fmt: skip
     axes.set_xlabel("iteration")
     axes.locator_params("x", integer=True)
-    axes.set_ylabel("robustness")
+    axes.set_ylabel("robustness\n(above 0: satisfied)")  # said here, where it covers no curve
     axes.margins(x=0)
     axes.spines[["top", "right"]].set_visible(False)
