@@ -122,7 +122,12 @@ def test_a_spec_to_begin_with_and_the_list_of_tasks(capsys):
 
 
 @pytest.mark.parametrize(
-    ("name", "signals"), [("reacher", {"finger": 3}), ("jaco", {"wrist": 3, "elbow": 3, "flange": 3})]
+    ("name", "signals"),
+    [
+        ("reacher", {"finger": 3}),
+        ("jaco", {"wrist": 3, "elbow": 3, "flange": 3}),
+        ("cartpole", {"cart": None, "speed": None, "spin": None, "pole": 3}),
+    ],
 )
 def test_an_example_is_a_robot_and_its_spec_fits(name, signals):
     study, _ = read(compose([f"task={EXAMPLES / name / name}.yaml"]))

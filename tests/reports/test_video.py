@@ -50,3 +50,24 @@ def test_a_model_without_a_light_gets_one(light, bright):
     physics = SimpleNamespace(model=mujoco.MjModel.from_xml_string(text), render=lambda *_, **__: np.zeros((2, 2, 3)))
     _frame(physics, None, [])
     assert (physics.model.vis.headlight.ambient[0] == np.float32(AMBIENT)) == bright
+
+
+@pytest.mark.parametrize(("sky", "walls"), [("", 1), ("<texture type='skybox' builtin='flat' width='8'/>", 0)])
+def test_a_model_without_a_sky_has_a_white_wall_behind_it(sky, walls):
+    """Farther away than the model, and within what the camera sees."""
+    text = f"<mujoco><asset>{sky}</asset><worldbody><geom size='1'/></worldbody></mujoco>"
+    model = mujoco.MjModel.from_xml_string(text)
+    scene = mujoco.MjvScene(model, maxgeom=5)
+    eye = scene.camera[0]
+    eye.pos, eye.forward, eye.up, eye.frustum_far = (0, -5, 0), (0, 1, 0), (0, 0, 1), 100
+
+    def render(*_, scene_callback, **__):
+        scene_callback(None, scene)
+        return np.zeros((2, 2, 3))
+
+    _frame(SimpleNamespace(model=model, render=render), None, [])
+    assert scene.ngeom == walls
+    if walls:
+        assert scene.geoms[0].pos.tolist() == [0, 85, 0]
+        assert scene.geoms[0].mat[:, 2].tolist() == [0, 1, 0]
+        assert scene.geoms[0].rgba.tolist() == [1, 1, 1, 1]

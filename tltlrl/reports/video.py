@@ -40,6 +40,7 @@ INSIDE_COLOUR = np.array([0.3, 0.5, 0.9, 0.18], dtype=np.float32)
 OUTSIDE_COLOUR = np.array([0.9, 0.4, 0.2, 0.25], dtype=np.float32)  # of what `distance(...) > radius` keeps out of
 CLEARANCE = 0.004  # m, around a region, whose faces would else coincide with those of the body it stands for
 AMBIENT, DIFFUSE = 0.35, 0.55  # light on a model that has none of its own
+WHITE = np.ones(4, dtype=np.float32)
 DISC_HEIGHT = 0.01  # m, of a region in the plane
 
 
@@ -225,8 +226,23 @@ def _own_frames(task: Task, outside: Outside, policy: Policy) -> list[Frame]:
     return frames
 
 
+def _draw_wall(scene: mujoco.MjvScene) -> None:
+    """Adds a white wall to a scene, almost as far behind it as the camera sees, across the whole picture."""
+    eye = scene.camera[0]
+    ahead, up = (np.array(axis, dtype=float) for axis in (eye.forward, eye.up))
+    away = 0.9 * eye.frustum_far
+    axes = np.stack([np.cross(ahead, up), up, ahead], axis=1)
+    scene.ngeom += 1
+    wall = scene.geoms[scene.ngeom - 1]
+    size, centre = np.array([away * 10, away * 10, away / 1000]), np.array(eye.pos) + away * ahead
+    mujoco.mjv_initGeom(wall, mujoco.mjtGeom.mjGEOM_BOX, size, centre, axes.ravel(), WHITE)
+    wall.category, wall.emission = mujoco.mjtCatBit.mjCAT_DECOR, 1.0  # as white in any light
+
+
 def _frame(physics: Any, camera: str | None, places: list[Region], option: Any = None) -> Frame:
     def draw_regions(_: object, scene: mujoco.MjvScene) -> None:
+        if mujoco.mjtTexture.mjTEXTURE_SKYBOX not in physics.model.tex_type:  # without a sky it is black
+            _draw_wall(scene)
         for region in places:
             if scene.ngeom == scene.maxgeom or len(region.centre or region.lower or ()) not in (2, 3):
                 continue
