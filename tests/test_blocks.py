@@ -92,6 +92,7 @@ BLOCKS: dict[str, dict[str, tuple[int, str]]] = {
         "indented": (1, f"{DOCS}test_the_page_on_tasks_in_python_shows_code_that_runs"),
     },
     "docs/toast-notes.md": {"sh": (1, f"{COMPOSED} {OPTIONS}")},  # an hour
+    "examples/cartpole/README.md": {"indented": (1, f"{COMPOSED} {OPTIONS}")},
     "examples/jaco/README.md": {"indented": (1, f"{COMPOSED} {OPTIONS}")},
     "examples/reacher/README.md": {"indented": (1, f"{COMPOSED} {OPTIONS}")},
     "examples/stable_baselines3/README.md": {"indented": (1, f"{COMPOSED} tests/examples/test_stable_baselines3.py::")},
@@ -198,6 +199,7 @@ PICTURES = {
     "docs/reading_over_time.png": "tltl render runs/reading/tltl_episodic/seed_1",
     "docs/reading_workspace.png": "tltl-run experiment=reach_avoid name=reading seeds=3 algorithm.iterations=60",
     "docs/toast.png": "tltl render runs/toast/tltl_episodic/seed_0",
+    "examples/cartpole/motion.png": "tltl render runs/cartpole/tltl_episodic/seed_0",
     "examples/jaco/workspace.png": "tltl render runs/jaco/tltl_episodic/seed_0",
     "examples/reacher/motion.png": "tltl render runs/reacher/tltl_episodic/seed_0",
 }

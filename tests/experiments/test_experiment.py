@@ -140,3 +140,19 @@ def test_who_computed_what_is_recorded_seldom_and_whole_even_after_ctrl_c(tmp_pa
         run_experiment(*read(asked), ["test"])
     assert len(written) <= experiment.RECORDS + 2
     assert len(json.loads((tmp_path / "reach_avoid/manifest.json").read_text())["computed"]) == 433
+
+
+@pytest.mark.usefixtures("without_pictures")
+def test_a_page_is_named_once_it_is_there(tmp_path, capsys, monkeypatch):
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    small = ["experiment=reach_avoid", "name=x", "cases=[tltl_episodic]", "task.steps=12", "algorithm.samples=6"]
+    asked = compose([*small, "algorithm.iterations=1", "seeds=1", "trials=1", "workers=1", f"runs_dir={tmp_path}"])
+    with monkeypatch.context() as patch:
+        patch.setattr("tltlrl.experiments.experiment.write_page", stopped)
+        with pytest.raises(KeyboardInterrupt):
+            run_experiment(*read(asked), ["test"])
+    assert "report:" not in capsys.readouterr().err
+    assert run_experiment(*read(asked), ["test"])
+    assert f"report: {tmp_path}/x/report.md, report.html" in capsys.readouterr().err

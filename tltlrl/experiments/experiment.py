@@ -38,7 +38,9 @@ from tltlrl.store.layout import (
     DONE,
     LOG,
     MANIFEST,
+    PAGE,
     POLICY,
+    REPORT,
     WORKSPACE,
 )
 from tltlrl.training.build import cut_windows, make_task, unlike_resets
@@ -121,12 +123,13 @@ def run_experiment(study: Study, machinery: Machinery, command: list[str]) -> bo
             lines, tables = write_report(folder, whole, results, failures)
             for line in lines:
                 progress.say(line)
-        draw_cases(folder, whole, results)
-        if missing or before is None:
-            record(end_session(session))
-        if tables is not None:
-            assert recorded is not None
-            write_page(folder, whole, tables, results, failures, provenance(whole, recorded))
+            draw_cases(folder, whole, results)
+            if missing or before is None:
+                record(end_session(session))
+            if tables is not None:
+                assert recorded is not None
+                write_page(folder, whole, tables, results, failures, provenance(whole, recorded))
+                progress.say(f"report: {folder / REPORT}, {PAGE}")  # said once both are there
     return not failures
 
 

@@ -86,7 +86,7 @@ def write_report(
     plot_learning_curves(titled([folder], [curves]), folder / FIGURE)
     if known:
         plot_clauses(known, folder / CLAUSES_FIGURE)
-    return [*outcome_lines(summary), f"report: {folder / REPORT}, {PAGE}"], Tables(curves, summary, known)
+    return outcome_lines(summary), Tables(curves, summary, known)
 
 
 def median_run(finished: Mapping[Path, Mapping[str, Any]], case: str) -> Path | None:
