@@ -6,7 +6,7 @@ import pytest
 from scipy.stats import trim_mean
 
 from tltlrl.cli.plot import names_of
-from tltlrl.reports.across import cases_figure, differences, over_tasks
+from tltlrl.reports.across import cases_figure, differences, never_satisfied, over_tasks
 
 
 def summary(task, values, case="tltl_episodic", success=1.0):
@@ -55,7 +55,9 @@ def test_no_unit_of_a_spec_weighs_and_a_task_that_nobody_satisfies_has_no_share(
     for factor in (1e-3, 1e3):
         scaled = seconds.assign(robustness_policy=factor * seconds["robustness_policy"])
         assert over_tasks([metres, scaled])[1].mean == pytest.approx(share.mean)
-    assert [row.score for row in over_tasks([metres, summary("t1", [-1.0, -2.0])])] == ["success_rate"]
+    failed = summary("t1", [-1.0, -2.0])
+    assert [row.score for row in over_tasks([metres, failed])] == ["success_rate"]
+    assert (never_satisfied([metres, failed]), never_satisfied([metres, seconds])) == (["t1"], [])
 
 
 def test_an_experiment_is_called_by_the_keys_that_differ(tmp_path):

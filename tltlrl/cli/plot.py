@@ -55,7 +55,7 @@ def run(arguments: Namespace) -> int:
 
 def _compare(arguments: Namespace) -> int:
     from tltlrl.errors import UserError
-    from tltlrl.reports.across import differences, over_tasks, plot_cases
+    from tltlrl.reports.across import differences, never_satisfied, over_tasks, plot_cases
 
     folders: Sequence[Path] = arguments.experiments
     if len(folders) < 2:
@@ -66,7 +66,10 @@ def _compare(arguments: Namespace) -> int:
     for note in dict.fromkeys(note for _, notes in found.values() for note in notes):
         print(shown(f"tltl: {note}"), file=sys.stderr)
     summaries = {name: summary for name, (summary, _) in found.items()}
-    said = [*map(str, differences(summaries)), *map(str, over_tasks(list(summaries.values())))]
+    aggregates = over_tasks(list(summaries.values()))
+    said = [*map(str, differences(summaries)), *map(str, aggregates)]
+    if aggregates and (tasks := never_satisfied(list(summaries.values()))):
+        said.append(f"robustness is not taken together: no run satisfies the spec of {', '.join(tasks)}")
     if not said:
         raise UserError("--compare: the experiments have no case with common seeds, and no case in several tasks")
     if len({summary["task"].iloc[0] for summary in summaries.values()}) == 1:

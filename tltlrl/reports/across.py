@@ -121,7 +121,7 @@ def over_tasks(summaries: Sequence[pd.DataFrame]) -> list[Aggregate]:
     """Aggregates every case that all tasks have; nothing for a single task.
 
     Robustness has the unit of its spec, and so is divided by that of the task's best run, of any case: 1 is as good as
-    the best, 0 or less violates the spec. It is left out if all runs of a task violate theirs. Measure and interval
+    the best, 0 or less violates the spec. It is left out if `never_satisfied` has a task. Measure and interval
     follow Agarwal et al., Deep Reinforcement Learning at the Edge of the Statistical Precipice (2021).
     """
     together = pd.concat(summaries, ignore_index=True)
@@ -129,7 +129,7 @@ def over_tasks(summaries: Sequence[pd.DataFrame]) -> list[Aggregate]:
     if len(best) < 2:
         return []
     together["robustness_share"] = together["robustness_policy"] / together["task"].map(best)
-    scores = [score for score in SCORES if score != "robustness_share" or best.min() > 0]
+    scores = [score for score in SCORES if score != "robustness_share" or not never_satisfied(summaries)]
     found = []
     for score in scores:
         for case in together["case"].unique():
@@ -140,6 +140,12 @@ def over_tasks(summaries: Sequence[pd.DataFrame]) -> list[Aggregate]:
             mean = float(trim_mean(np.concatenate(runs), 0.25))
             found.append(Aggregate(case, score, len(best), sum(map(len, runs)), mean, *_bootstrapped(runs)))
     return found
+
+
+def never_satisfied(summaries: Sequence[pd.DataFrame]) -> list[str]:
+    """The tasks of which no run satisfies its spec; they give robustness nothing to be divided by."""
+    best = pd.concat(summaries).groupby("task", sort=False)["robustness_policy"].max()
+    return [str(task) for task in best.index[~(best > 0)]]
 
 
 def _bootstrapped(runs: Sequence[Array]) -> tuple[float, float]:
