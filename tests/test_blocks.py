@@ -93,6 +93,7 @@ BLOCKS: dict[str, dict[str, tuple[int, str]]] = {
     },
     "docs/toast-notes.md": {"sh": (1, f"{COMPOSED} {OPTIONS}")},  # an hour
     "examples/cartpole/README.md": {"indented": (1, f"{COMPOSED} {OPTIONS}")},
+    "examples/mountain_car/README.md": {"indented": (1, f"{COMPOSED} {OPTIONS}")},
     "examples/jaco/README.md": {"indented": (1, f"{COMPOSED} {OPTIONS}")},
     "examples/reacher/README.md": {"indented": (1, f"{COMPOSED} {OPTIONS}")},
     "examples/stable_baselines3/README.md": {"indented": (1, f"{COMPOSED} tests/examples/test_stable_baselines3.py::")},

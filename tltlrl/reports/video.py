@@ -241,7 +241,8 @@ def _draw_wall(scene: mujoco.MjvScene) -> None:
 
 def _frame(physics: Any, camera: str | None, places: list[Region], option: Any = None) -> Frame:
     def draw_regions(_: object, scene: mujoco.MjvScene) -> None:
-        if mujoco.mjtTexture.mjTEXTURE_SKYBOX not in physics.model.tex_type:  # without a sky it is black
+        no_sky = mujoco.mjtTexture.mjTEXTURE_SKYBOX not in physics.model.tex_type  # and so a black background
+        if no_sky and scene.ngeom < scene.maxgeom:
             _draw_wall(scene)
         for region in places:
             if scene.ngeom == scene.maxgeom or len(region.centre or region.lower or ()) not in (2, 3):
