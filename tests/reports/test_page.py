@@ -95,6 +95,9 @@ def test_every_picture_has_a_text_and_every_chart_its_values(page):
         values = json.loads(root.get_element_by_id(player).text)
         assert len(values["times"]) == len(values["paths"][0]) == len(values["robot"]) == 12
         assert [len(clause) for clause in values["clauses"]] == [12, 12]
+    names = root.xpath("//text[@class='name']")
+    assert {name.text for name in names} == {"at_goal"}
+    assert not any(name.xpath("following-sibling::polyline") for name in names)  # over the path, so that it can be read
 
 
 def test_curves_of_300_runs_are_small_and_gaps_stay_gaps():

@@ -101,7 +101,7 @@ def _corners(regions: Sequence[Region], view: tuple[int, int]) -> list[Array]:
 
 
 def _view(motion: Motion, view: tuple[int, int], path: Array, scale: _Scale, robot: bool, name: str) -> str:
-    parts, said = [], []
+    parts, names, said = [], [], []
     assert motion.path is not None
     for region in motion.regions:
         style = "place" if region.inside else "place avoid"
@@ -114,8 +114,8 @@ def _view(motion: Motion, view: tuple[int, int], path: Array, scale: _Scale, rob
         steps = entries(region, motion.path)
         when = ", ".join(f"{motion.times[step]:.4g} s" for step in steps[:3]) or "never"
         if region.inside:
-            parts.append(
-                f'<text x="{x + width / 2:.1f}" y="{y + height + 12:.1f}" text-anchor="middle">'
+            names.append(
+                f'<text class="name" x="{x + width / 2:.1f}" y="{y + height + 12:.1f}" text-anchor="middle">'
                 f"{escape(region.name or '')}</text>"
             )
         if region.inside or steps:
@@ -130,5 +130,5 @@ def _view(motion: Motion, view: tuple[int, int], path: Array, scale: _Scale, rob
     label = escape(f"Path of {name}{side}: {'; '.join(said) or 'no region is entered'}.")
     return (
         f'<figure><svg viewBox="0 0 {scale.size[0]:.0f} {scale.size[1]:.0f}" role="img" aria-label="{label}">'
-        f"{''.join(parts)}</svg><figcaption>{label}</figcaption></figure>"
+        f"{''.join(parts + names)}</svg><figcaption>{label}</figcaption></figure>"
     )
