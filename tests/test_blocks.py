@@ -92,6 +92,7 @@ BLOCKS: dict[str, dict[str, tuple[int, str]]] = {
         "indented": (1, f"{DOCS}test_the_page_on_tasks_in_python_shows_code_that_runs"),
     },
     "docs/toast-notes.md": {"sh": (1, f"{COMPOSED} {OPTIONS}")},  # an hour
+    "examples/ball_in_cup/README.md": {"indented": (1, f"{COMPOSED} {OPTIONS}")},
     "examples/cartpole/README.md": {"indented": (1, f"{COMPOSED} {OPTIONS}")},
     "examples/mountain_car/README.md": {"indented": (1, f"{COMPOSED} {OPTIONS}")},
     "examples/jaco/README.md": {"indented": (1, f"{COMPOSED} {OPTIONS}")},
