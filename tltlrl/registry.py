@@ -94,6 +94,8 @@ TASKS = Registry(
         "suite": "tltlrl.tasks.foreign:SUITE",
     },
 )
+# Tasks that are an environment of others, chosen by task.id, and what loads one outside tltlrl.
+FOREIGN = {"gymnasium": "gymnasium.make", "suite": "dm_control.suite.load"}
 LEARNERS = Registry(
     "learner",
     "tltlrl.learners",

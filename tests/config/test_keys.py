@@ -5,12 +5,12 @@ import dataclasses
 import pytest
 import yaml
 
-from tltlrl.config.compose import FOREIGN, GROUPS, compose, names
+from tltlrl.config.compose import GROUPS, compose, names
 from tltlrl.config.keys import KEYS, Role, having, is_budget, kept, machinery_defaults, sections
 from tltlrl.config.machinery import Machinery
 from tltlrl.errors import UserError
 from tltlrl.learning.reps import RepsSettings
-from tltlrl.registry import LEARNERS, TASKS
+from tltlrl.registry import FOREIGN, LEARNERS, TASKS
 from tltlrl.resources import CONFIGS
 from tltlrl.settings import setting
 from tltlrl.training.study import AlgorithmConfig

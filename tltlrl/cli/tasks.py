@@ -31,8 +31,7 @@ def run(arguments: Namespace) -> int:
     if arguments.task is None:
         print(_all())
         return 0
-    from tltlrl.config.compose import FOREIGN
-    from tltlrl.registry import TASKS
+    from tltlrl.registry import FOREIGN, TASKS
     from tltlrl.resources import is_page
     from tltlrl.simulation.probe import ranges_seen
 

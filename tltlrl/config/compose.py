@@ -14,14 +14,13 @@ from typing import Any
 
 from tltlrl.config.compare import flatten
 from tltlrl.errors import UserError, module_of, nearest
-from tltlrl.registry import TASKS
+from tltlrl.registry import FOREIGN, TASKS
 from tltlrl.resources import CONFIGS, is_page, user_path
 from tltlrl.store.bounded import BoundsError, check_yaml
 
 GROUPS = ("experiment", "task", "reward", "algorithm", "engine")  # chosen by the name of a file in configs/
 TEXTS = ("name", "spec", "runs_dir", "policy", "algorithm.policy")  # their values are plain text, taken as written
 LISTS = ("cases", "seeds")
-FOREIGN = ("gymnasium", "suite")  # tasks that are an environment of others, chosen by task.id
 OPEN = (  # sections whose keys may be missing from the config
     "constants.",
     "algorithm.",

@@ -125,7 +125,7 @@ def over_tasks(summaries: Sequence[pd.DataFrame]) -> list[Aggregate]:
     follow Agarwal et al., Deep Reinforcement Learning at the Edge of the Statistical Precipice (2021).
     """
     together = pd.concat(summaries, ignore_index=True)
-    best = together.groupby("task", sort=False)["robustness_policy"].max()
+    best = _best(summaries)
     if len(best) < 2:
         return []
     together["robustness_share"] = together["robustness_policy"] / together["task"].map(best)
@@ -144,8 +144,13 @@ def over_tasks(summaries: Sequence[pd.DataFrame]) -> list[Aggregate]:
 
 def never_satisfied(summaries: Sequence[pd.DataFrame]) -> list[str]:
     """The tasks of which no run satisfies its spec; they give robustness nothing to be divided by."""
-    best = pd.concat(summaries).groupby("task", sort=False)["robustness_policy"].max()
+    best = _best(summaries)
     return [str(task) for task in best.index[~(best > 0)]]
+
+
+def _best(summaries: Sequence[pd.DataFrame]) -> pd.Series[float]:
+    """Task => the robustness of its best run."""
+    return pd.concat(summaries).groupby("task", sort=False)["robustness_policy"].max()
 
 
 def _bootstrapped(runs: Sequence[Array]) -> tuple[float, float]:

@@ -9,13 +9,11 @@ from dm_control.rl import control
 
 from tltlrl.errors import UserError
 from tltlrl.logic import load_spec
-from tltlrl.registry import TASKS
+from tltlrl.registry import FOREIGN, TASKS
 from tltlrl.resources import is_page, spec_path
 from tltlrl.tasks.environment import environment
 from tltlrl.tasks.signals import check_signals
 from tltlrl.tasks.task import TaskEntry
-
-FOREIGN = {"gymnasium": "gymnasium.make", "suite": "dm_control.suite.load"}
 
 
 def load_task(name: str | Path, seed: int | None = None) -> control.Environment:

@@ -67,13 +67,23 @@ def test_a_window_of_the_past_that_has_not_begun_yet_is_empty(operator):
 
 
 @pytest.mark.parametrize(
+    "formula", ["G (x > 0 => F (y > 0 & X G z > 0))", "F (x > 0 & G[0,3] y > 0) & G (z > 0 => F x > 1)"]
+)
+def test_an_automaton_that_takes_too_many_comparisons_is_given_up(monkeypatch, formula):
+    spec = parse_spec(DECLARED + formula)
+    assert not check(spec, samples(0)).keeps_past
+    monkeypatch.setattr(automaton, "MOST_COMPARISONS", 50)
+    assert check(parse_spec(DECLARED + formula), samples(0)).keeps_past
+
+
+@pytest.mark.parametrize(
     "formula",
     [
         "(b since[4, inf] x > z <=> abs(x) < w) R[2, 8] (historically[4, 5] x < 0 <=> y < w U[4, 5] x > 1)",
         "(x > y U[1, 5] z > w) R[2, 4] (x > 0 U[1, 1?] 1.75 <= previous(abs(z)) < w xor y > 0 | 1.75 <= abs(y) < w)",
     ],
 )
-def test_an_automaton_that_would_take_minutes_to_make_is_given_up(formula):
+def test_formulas_whose_automata_would_take_up_to_minutes_to_make(formula):
     check(parse_spec(DECLARED + formula), samples(0))
 
 

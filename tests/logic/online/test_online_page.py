@@ -46,4 +46,6 @@ def test_a_robot_is_watched(tmp_path, monkeypatch, capsys):
     with pytest.raises(SystemExit) as ended:
         cli.main(command.split())
     assert ended.value.code == 0
-    assert len([line for line in capsys.readouterr().out.splitlines() if "2" in line]) >= 1
+    *samples, verdict = capsys.readouterr().out.splitlines()
+    assert [line.split()[:3] for line in samples] == [["0", "robustness", "-1"], ["1", "robustness", "+2"]]
+    assert verdict.startswith("satisfied, robustness +2")
