@@ -25,7 +25,7 @@ help:
 $(READY): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 13) and "tltlrl needs Python 3.11 or 3.12; say which: make PYTHON=python3.11 ...")'
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
+	$(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt --editable '.[dev]'
 	@touch $@
 
 ## make reproduce-figures: figures 3.3 and 3.4, the case study's claims and the smoothness of toast_smooth.tltl, at the case study's full budget, into runs/
@@ -65,7 +65,7 @@ lint: $(READY)
 	$(BIN)/ruff format --check .
 
 types: $(READY)
-	$(BIN)/mypy
+	$(BIN)/mypy --num-workers 2
 
 ## make bench: measured speeds beside their targets
 bench: $(READY)

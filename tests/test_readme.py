@@ -63,10 +63,10 @@ def test_ci_runs_the_test_command_and_nothing_else():
 
 
 def test_reproduce_figures_in_small(tmp_path):
-    """The make target itself, every experiment of it, at a small budget."""
+    """The make target itself, every experiment of it, at a small budget and with one case."""
     if not (ROOT / ".venv" / ".ready").exists():
         pytest.skip("needs the environment that make test sets up")
-    small = "seeds=1 trials=1 task.steps=90 algorithm.iterations=2 algorithm.samples=6"
+    small = "seeds=1 trials=1 workers=1 cases=tltl_episodic task.steps=90 algorithm.iterations=2 algorithm.samples=6"
     shell(f"make reproduce-figures RUNS={tmp_path} OVERRIDES='{small}'", ROOT)
     for name in (
         "figure_3_3.png",
@@ -101,7 +101,8 @@ def test_getting_started_has_the_readmes_spec_and_commands():
 
 def test_comparing_rewards(folder):
     (script,) = blocks(DOCS["comparing"], "sh")
-    shell(f". .venv/bin/activate\n{script}".replace(" seeds=7,", " task.steps=60 seeds=7,"), folder)
+    small = " task.steps=60 workers=1 cases=tltl_episodic,discrete_step seeds=7,"
+    shell(f". .venv/bin/activate\n{script}".replace(" seeds=7,", small), folder)
     assert (folder / "runs/small/learning_curves.png").stat().st_size > 0
 
 

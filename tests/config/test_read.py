@@ -1,10 +1,10 @@
 """From overrides to a study: what is built, what is refused, and tasks and learners of other packages."""
 
 import dataclasses
-import os
-import subprocess
+import functools
 import sys
 
+import forked
 import pytest
 import yaml
 
@@ -150,15 +150,12 @@ def test_help_shows_a_packages_task_and_its_learners_settings(capsys):
     assert "    caution: 0.5                   # how much less it trusts its samples, as a share\n" in page
 
 
-def test_a_packages_task_and_learner_run_through_tltl_run_by_workers_too(tmp_path, package):
-    path = os.pathsep.join(filter(None, (str(package), os.environ.get("PYTHONPATH"))))
-    small = [*ALONE, "seeds=2", "trials=2", "workers=2", "algorithm.samples=6", "cases=[tltl_careful]"]
-    code = "from tltlrl.cli.main import run_main\nif __name__ == '__main__':\n    run_main()"
-    done = subprocess.run(
-        [sys.executable, "-c", code, "-m", *small, "algorithm.iterations=1", "algorithm.caution=0.1,0.6"],
-        cwd=tmp_path, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True, timeout=120, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
+def test_a_packages_task_and_learner_run_through_tltl_run_with_m_too(tmp_path, package):
+    small = [*ALONE, "seeds=2", "trials=2", "workers=1", "algorithm.samples=6", "cases=[tltl_careful]"]
+    sweep = ["-m", *small, "algorithm.iterations=1", "algorithm.caution=0.1,0.6"]
+    installed = functools.partial(sys.path.insert, 0, str(package))
+    code, _, errors = forked.tltl_run(tmp_path, *sweep, first=lambda: (installed(), forked.without_pictures()))
+    assert code == 0, errors
     for caution in (0.1, 0.6):
         folder = tmp_path / f"runs/short_arm,algorithm.caution={caution}"
         assert (folder / "tltl_careful/seed_1/done.json").exists()

@@ -295,7 +295,7 @@ def test_the_commands_of_the_page(tmp_path):
     script = "\n".join(re.findall(r"^```sh\n(.*?)^```", (ROOT / "docs/search.md").read_text(), re.M | re.S))
     commands = [line for line in script.replace("\\\n", " ").splitlines() if line.startswith(("tltl ", "tltl-run "))]
     assert [command.split()[0] for command in commands] == ["tltl", "tltl-run"]
-    small = "task.steps=20 trials=2 workers=1 algorithm.iterations=2"
+    small = "task.steps=20 trials=2 seeds=1 workers=1 algorithm.iterations=2"
     for command in commands:
         short = re.sub(
             r" --trials \d+|$", f" {small} --trials 2" if "search " in command else f" {small}", command, count=1

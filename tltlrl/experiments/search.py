@@ -302,7 +302,7 @@ def _check_space(search: Search) -> None:
     for key, distribution in search.distributions.items():
         choices = getattr(distribution, "choices", None)
         errors = []
-        for value in choices or (distribution.low, distribution.high):  # type: ignore[attr-defined]
+        for value in choices or (distribution.low, distribution.high):
             try:
                 read(search.configure({key: value}))
             except UserError as error:
