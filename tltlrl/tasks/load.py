@@ -12,7 +12,7 @@ from tltlrl.logic import load_spec
 from tltlrl.registry import FOREIGN, TASKS
 from tltlrl.resources import is_page, spec_path
 from tltlrl.tasks.environment import environment
-from tltlrl.tasks.signals import check_signals
+from tltlrl.tasks.fits import check_fits
 from tltlrl.tasks.task import TaskEntry
 
 
@@ -48,6 +48,6 @@ def load_task(name: str | Path, seed: int | None = None) -> control.Environment:
     task = entry.make(config)
     spec = load_spec(own) if own else None
     if spec is not None:
-        check_signals(spec, task)
+        check_fits(spec, task)
     reward = entry.rewards(entry.reward(), spec.constants)[entry.hand_made[0]] if entry.hand_made and spec else spec
     return environment(task, reward, random=seed)

@@ -25,7 +25,7 @@ from tltlrl.simulation.simulator import Simulates, simulator_of
 from tltlrl.simulation.trials import mean_motion
 from tltlrl.store.files import arrays_in
 from tltlrl.store.run import UNREADABLE
-from tltlrl.tasks.signals import check_signals
+from tltlrl.tasks.fits import check_fits
 from tltlrl.tasks.task import StepReward, Task
 from tltlrl.training.study import TLTL, AlgorithmConfig, Run, Stage, Study
 
@@ -236,7 +236,7 @@ def check(study: Study) -> None:
         for stage in filter(None, (run.stage(0), run.refine)):
             make_learner(run, stage).start(first_policy(task, stage.algorithm))
         make_reward(run)
-    check_signals(study.spec, task)
+    check_fits(study.spec, task)
     simulator_of(task)
     if study.task.name in TASKS.described and task.outside is None:  # a model that the user brought
         ranges_seen(task, np.random.default_rng(0))

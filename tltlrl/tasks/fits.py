@@ -1,4 +1,4 @@
-"""Whether a spec reads what a task offers."""
+"""Whether a spec fits a task: it reads what the task offers, and the episodes are long enough for it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from tltlrl.logic import Spec
 from tltlrl.tasks.task import Task
 
 
-def check_signals(spec: Spec, task: Task) -> None:
+def check_fits(spec: Spec, task: Task) -> None:
     """Checks that a task has the signals that a spec reads, and that its episodes are long enough.
 
     Raises:
