@@ -47,9 +47,7 @@ def place(axes: Axes, labels: Sequence[Label], path: Array, size: float = 7.0) -
     Returns:
       The box of each label, in pixels.
     """
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    point = figure.dpi / 72
+    point = axes.figure.dpi / 72
     to_pixels = axes.transData
     points = to_pixels.transform(path)
     centres = to_pixels.transform([label.at for label in labels])

@@ -251,7 +251,8 @@ def motion_lines(summary: pd.DataFrame) -> list[str]:
         for label, prefix in ((case, ""), (f"{case}, calm", "calm_")):
             if prefix and ("calm_successes" not in rows or rows["calm_successes"].isna().all()):
                 continue
-            values = (rows[f"{prefix}{name}"].astype(float).median() for name in known)
+            columns = (rows[f"{prefix}{name}"].astype(float) for name in known)
+            values = (column.dropna().median() for column in columns)  # pandas 2.2 warns of a median of nothing but NaN
             cells = "".join(f" {value:.3g} |" if np.isfinite(value) else "  |" for value in values)
             lines.append(f"| {label} |{cells}")
     units = (f"- {name.replace('_', ' ').replace('rms', 'RMS')}: {MEASURES[name]}" for name in known)
