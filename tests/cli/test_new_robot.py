@@ -85,6 +85,25 @@ def test_from_a_model_to_trials(here, capsys):
     )
 
 
+def test_the_first_spec_is_one_that_nothing_is_said_against(here, capsys):
+    assert tltl("new", "arm.xml") == 0
+    assert "spec: F[0 s, 4 s] G at_goal" in (here / "arm.tltl").read_text()
+    capsys.readouterr()
+    assert tltl("check", "arm.tltl") == 0
+    assert "warning" not in capsys.readouterr().out
+
+
+def test_what_new_says_of_actuators_names_the_model_and_works(here, capsys):
+    servo = '<position name="turn" joint="turn" kp="5" kv="1" ctrlrange="-170 170"/>'
+    degrees = re.sub("<motor.*?/>", servo, MODEL.replace('name="turn" axis', 'name="turn" range="-170 170" axis'))
+    (here / "servo.xml").write_text(degrees)
+    assert tltl("new", "servo.xml") == 2
+    assert capsys.readouterr().err.startswith("tltl: servo.xml: the actuator turn sends its joint from -170 to 170 rad")
+    assert not (here / "servo.yaml").exists()
+    (here / "servo.xml").write_text(degrees.replace('ctrlrange="-170 170"', 'inheritrange="1"'))
+    assert tltl("new", "servo.xml") == 0
+
+
 def test_mistakes_of_the_commands(here, capsys):
     (here / "arm.yaml").write_text("model: arm.xml\ncontrol_timestep: 0.1\nsignals: {tip: site_xpos.tip}\n")
     (here / "mine.tltl").write_text("signal top[3]\nspec: F top.x > 0\n")

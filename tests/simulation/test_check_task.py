@@ -204,4 +204,4 @@ def test_a_start_that_differs_from_episode_to_episode_is_told():
 
 def test_a_motion_that_cannot_be_simulated_is_told():
     rules = told(arm(initial_state=lambda: (np.zeros(3), np.full(3, 1e300))))
-    assert rules[0].startswith("stepping: it cannot be checked: FloatingPointError: the simulation of reach_avoid")
+    assert rules[0].startswith("stepping: it cannot be checked: DivergedError: the simulation of reach_avoid")

@@ -9,6 +9,7 @@ import numpy as np
 
 from tltlrl.errors import UserError
 from tltlrl.simulation.probe import reached
+from tltlrl.tasks.mjcf.actuators import commanded
 from tltlrl.tasks.mjcf.draft import draft_page, draft_spec
 from tltlrl.tasks.mjcf.keys import RobotConfig
 from tltlrl.tasks.mjcf.model import compiled, model_path, read_model
@@ -16,6 +17,7 @@ from tltlrl.tasks.mjcf.page import page_of
 from tltlrl.tasks.mjcf.robot import Robot
 
 SHARE = 0.25  # radius of the goal, as a share of the way to it
+IN_TIME = 0.8  # of the episode
 
 
 def draft(model: str, page: Path) -> tuple[str, str]:
@@ -36,9 +38,10 @@ def draft(model: str, page: Path) -> tuple[str, str]:
     checked = compiled(path, read_model(path))
     if not checked.nu or not checked.njnt:
         raise told(f"it has no {'joints' if checked.nu else 'actuators'}; a policy needs some to command")
+    commanded(checked, (), lambda *_: told)
     named = model if ":" in model else os.path.relpath(path, page.resolve().parent)
     text = draft_page(checked, named, told)
     robot = Robot(RobotConfig(file=str(page.resolve()), **page_of(page, text.encode()).values))
     start, end = reached(robot, "tip", np.random.default_rng(0))
     radius = max(SHARE * float(np.linalg.norm(end - start)), 1e-3)
-    return text, draft_spec(end, radius)
+    return text, draft_spec(end, radius, IN_TIME * robot.config.duration)

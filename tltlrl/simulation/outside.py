@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tltlrl.simulation.rollout import Trajectories
+from tltlrl.simulation.rollout import DivergedError, Trajectories
 from tltlrl.tasks.task import Outside, Task, draw_command_noise
 
 Array = NDArray[np.float64]
@@ -45,7 +45,7 @@ class OutsideSimulator:
           starts: seeds of the first M starts, shape (M, 1); the others start from the task's own seed, or from 0.
 
         Raises:
-          FloatingPointError: if it diverged, or an observation, a reward or a command is not finite, naming the first
+          DivergedError: if it diverged, or an observation, a reward or a command is not finite, naming the first
             trajectory and step.
         """
         task, (n, steps, _) = self._task, offsets.shape
@@ -57,7 +57,7 @@ class OutsideSimulator:
             for t in range(steps):
                 commands[i, t] += gain @ features[i, t]
                 if not (np.isfinite(features[i, t]).all() and np.isfinite(commands[i, t]).all()):
-                    raise FloatingPointError(self._diverged(i, t))
+                    raise self._diverged(i, t)
                 if t + 1 == lengths[i]:
                     features[i, t + 1 :] = features[i, t]
                     features[i, t + 1 :, -1] = 0.0  # no reward after the end
@@ -66,18 +66,15 @@ class OutsideSimulator:
                 try:
                     observed, reward, over = self._env.step(command)
                 except FloatingPointError:
-                    raise FloatingPointError(self._diverged(i, t + 1)) from None
+                    raise self._diverged(i, t + 1) from None
                 features[i, t + 1] = np.append(observed, reward)
                 if over:
                     lengths[i] = t + 2
         return Trajectories(features, commands, lengths, np.zeros((n, 0)), np.zeros((n, 0)))
 
-    def _diverged(self, trajectory: int, step: int) -> str:
-        task = self._task
-        return (
-            f"{task.name} diverged: trajectory {trajectory}, step {step}, {step * task.control_timestep:.3g} s; less "
-            "exploration (algorithm.initial_std) usually helps"
-        )
+    def _diverged(self, trajectory: int, step: int) -> DivergedError:
+        task, seconds = self._task, step * self._task.control_timestep
+        return DivergedError(f"{task.name} diverged: trajectory {trajectory}, step {step}, {seconds:.3g} s")
 
 
 def unlike(task: Task, outside: Outside) -> str | None:

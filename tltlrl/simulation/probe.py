@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tltlrl.errors import UserError
+from tltlrl.simulation.rollout import DivergedError
 from tltlrl.simulation.simulator import simulator_of
 from tltlrl.tasks.task import Signals, Task
 
@@ -44,6 +45,7 @@ def _signals_seen(task: Task, rng: np.random.Generator) -> Signals:
     push[COUNT // 2 :] = push[COUNT // 2 :, :1]
     try:
         motion = simulator_of(task).rollout(np.zeros_like(task.feedback), commands + push, np.zeros_like(push))
-    except FloatingPointError as error:
-        raise UserError(f"task: under random commands of full size {error}") from None
+    except DivergedError as error:  # a task is not taken before it bears full commands, so exploring less is no help
+        helps = f"; {error.advice}, or a smaller ctrlrange of its actuators usually helps" if error.advice else ""
+        raise UserError(f"task: under random commands of full size {error.where}{helps}") from None
     return task.signals(motion.features, motion.commands)

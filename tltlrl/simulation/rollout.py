@@ -22,6 +22,23 @@ ROUNDING = 1e-6  # allowed in a quotient of times
 mujoco.set_mju_user_warning(lambda _: None)  # `rollout` raises instead; MuJoCo would leave a file where the user works
 
 
+class DivergedError(FloatingPointError):
+    """A simulation that diverged.
+
+    Attributes:
+      where: what diverged and when.
+      advice: what usually helps, beside less exploration; may be empty.
+    """
+
+    def __init__(self, where: str, advice: str = "") -> None:
+        super().__init__(where, advice)
+        self.where, self.advice = where, advice
+
+    def __str__(self) -> str:
+        also = f"{self.advice}, or " if self.advice else ""
+        return f"{self.where}; {also}less exploration (algorithm.initial_std) usually helps"
+
+
 def substeps(task: Task, timestep: float) -> int:
     """The number of physics steps, of `timestep` seconds each, in one control step.
 
@@ -139,7 +156,7 @@ class Simulator:
           starts: how far the first M trajectories start from the task's start, shape (M, nv), rad or m.
 
         Raises:
-          FloatingPointError: if the simulation diverged, naming the first trajectory and step that did.
+          DivergedError: if the simulation diverged, naming the first trajectory and step that did.
         """
         task, count = self._task, self._substeps
         n, steps, d = offsets.shape
@@ -196,10 +213,9 @@ class Simulator:
         wrong = ~(finite & sound) & (np.arange(steps)[:, None] < lengths)
         if wrong.any():
             t, i = np.argwhere(wrong)[0]
-            raise FloatingPointError(
-                f"the simulation of {task.name} diverged: trajectory {i}, step {t}, "
-                f"{t * task.control_timestep:.3g} s; a smaller timestep of the model, more damping or armature in its "
-                "joints, or less exploration (algorithm.initial_std) usually helps"
+            raise DivergedError(
+                f"the simulation of {task.name} diverged: trajectory {i}, step {t}, {t * task.control_timestep:.3g} s",
+                "a smaller timestep of the model, more damping or armature in its joints",
             )
         return Trajectories(
             features.transpose(1, 0, 2),

@@ -56,6 +56,10 @@ MODELS = {
     "bare.xml": without("actuator").replace(' ctrl="0 0"', ""),
     "still.xml": '<mujoco><worldbody><geom size="1"/></worldbody></mujoco>',
     "unlimited.xml": changed((' kv="6" ctrlrange="-2 2"', ' kv="6"')),
+    "degrees.xml": changed(
+        ('kv="6" ctrlrange="-2 2"', 'kv="6" ctrlrange="-100 100"'),
+        ('axis="0 1 0" damping=".5"', 'axis="0 1 0" damping=".5" range="-100 100"'),
+    ),
     "short_key.xml": changed(("0.2 0.4 1 0 0 1 0 0 0", "0.2 0.4")),
     "no_sensor.xml": without("sensor"),
     "no_key.xml": without("keyframe"),

@@ -187,8 +187,8 @@ def test_a_simulation_that_diverges_says_when_and_what_helps(robot, tmp_path, mo
         "task: under random commands of full size the simulation of arm diverged: trajectory "
     )
     assert str(error.value).endswith(
-        " s; a smaller timestep of the model, more damping or armature in its joints, or less exploration "
-        "(algorithm.initial_std) usually helps"
+        " s; a smaller timestep of the model, more damping or armature in its joints, or a smaller ctrlrange of its "
+        "actuators usually helps"
     )
     assert not (tmp_path / "MUJOCO_LOG.TXT").exists()
 

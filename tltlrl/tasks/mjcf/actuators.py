@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 OF_JOINT = (mujoco.mjtTrn.mjTRN_JOINT.value, mujoco.mjtTrn.mjTRN_JOINTINPARENT.value)
 SINGLE = (mujoco.mjtJoint.mjJNT_HINGE.value, mujoco.mjtJoint.mjJNT_SLIDE.value)
 MOTOR, POSITION, VELOCITY, DAMPING, RANGE, FORCE = "motor", "position", "velocity", "damping", "range", "force"
+BEYOND = 20.0  # a radian is 57 degrees
 PARTS = (MOTOR, POSITION, VELOCITY, DAMPING, RANGE, FORCE)
 
 
@@ -145,7 +146,27 @@ def commanded(model: mujoco.MjModel, asked: Sequence[str], at: At) -> list[str]:
                 f"the actuator {name} has no range, so nobody knows what a full command is; give it "
                 'ctrlrange="LOW HIGH" in the MJCF file'
             )
+        if (reach := _beyond(model, names.index(name))) is not None:
+            raise told(
+                f"the actuator {name} sends its joint from {low:g} to {high:g} rad, which moves from {reach[0]:.3g} to "
+                f"{reach[1]:.3g} rad; MuJoCo takes ctrlrange in rad, whatever its angle is; write "
+                'inheritrange="1" in its place in the MJCF file'
+            )
     return chosen
+
+
+def _beyond(model: mujoco.MjModel, actuator: int) -> Array | None:
+    """The range of a hinge, rad, if a position actuator's commands are so far beyond it that they must be degrees."""
+    joint = int(model.actuator_trnid[actuator, 0])
+    if (
+        model.actuator_trntype[actuator] not in OF_JOINT
+        or model.actuator_biasprm[actuator, 1] == 0
+        or model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_HINGE
+        or not model.jnt_limited[joint]
+    ):
+        return None
+    asked, there = np.ptp(model.actuator_ctrlrange[actuator]), np.ptp(model.jnt_range[joint])
+    return np.array(model.jnt_range[joint]) if asked > BEYOND * there * abs(model.actuator_gear[actuator, 0]) else None
 
 
 def feedback_gains(

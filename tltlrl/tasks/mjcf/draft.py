@@ -56,16 +56,17 @@ def draft_page(model: mujoco.MjModel, path: str, told: Told) -> str:
     return "\n".join(lines) + "\n"
 
 
-def draft_spec(goal: Array, radius: float) -> str:
-    """The text of a spec: reach a place and stay there.
+def draft_spec(goal: Array, radius: float, seconds: float) -> str:
+    """The text of a spec: reach a place in time and stay there.
 
     Args:
       goal: a place that the tip can reach, shape (3,), m.
       radius: radius of the goal, m.
+      seconds: within which it is to be reached.
     """
     place = ", ".join(f"{x:.3g}" for x in goal)
     return f"""\
-# Reach a place and stay there. The place is one that the robot came to under random commands.
+# Reach a place within {seconds:.2g} s and stay there. The robot came to this place under random commands.
 
 signal tip[3]                       # m
 
@@ -74,7 +75,7 @@ const radius = {radius:.2g}         # m
 
 def at_goal: distance(tip, goal) < radius
 
-spec: F G at_goal
+spec: F[0 s, {seconds:.2g} s] G at_goal
 """
 
 
