@@ -48,7 +48,9 @@ def test_from_a_model_to_trials(here, capsys):
     assert tltl("new", "arm.xml") == 0
     said = capsys.readouterr().out
     (command,) = [line.split() for line in said.splitlines() if line.startswith("  tltl-run ")]
-    assert command[1:] == ["task=arm.yaml", "seeds=1", "algorithm.iterations=40"]
+    assert " ".join(command[1:]) == (
+        "task=arm.yaml seeds=1 algorithm.iterations=40 algorithm.initial_std=0.3 algorithm.correlation=10"
+    )
     assert tltl("new", "arm.xml") == 2
     assert "arm.yaml is there already" in capsys.readouterr().err
     assert tltl("tasks", "arm.yaml") == 0

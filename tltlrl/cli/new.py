@@ -11,6 +11,8 @@ from pathlib import Path
 
 from tltlrl.errors import UserError
 
+GENTLY = "algorithm.initial_std=0.3 algorithm.correlation=10"  # full commands that change at every step throw an arm about
+
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Adds the arguments of `tltl new`."""
@@ -34,7 +36,7 @@ def run(arguments: Namespace) -> int:
     _write(page, page_text)
     _write(spec, spec_text)
     print(f"{page}: the robot; {spec}: what it is to do. Look at both, then")
-    print(f"  tltl-run task={page} seeds=1 algorithm.iterations=40")
+    print(f"  tltl-run task={page} seeds=1 algorithm.iterations=40 {GENTLY}")
     print(f"It leaves its curves in runs/ as a picture; tltl tasks {page} says what a spec can speak of.")
     return 0
 
