@@ -68,17 +68,17 @@ def test_from_a_model_to_trials(here, capsys):
     assert "success rate" in capsys.readouterr().out
 
     # The page may lie elsewhere, and is the same robot.
-    (run,) = read(compose(["task=arm.yaml", *BUDGET]))[0].runs()
+    (run,) = read(compose(["task=arm.yaml", *command[-2:], *BUDGET]))[0].runs()
     (here / "moved").mkdir()
     for name in ("arm.xml", "arm.yaml", "arm.tltl"):
         shutil.copy(here / name, here / "moved" / name)
-    study, _ = read(compose(["task=moved/arm.yaml", *BUDGET]))
+    study, _ = read(compose(["task=moved/arm.yaml", *command[-2:], *BUDGET]))
     assert study.runs()[0].identity() == run.identity()
     assert not changes(config, study)
 
     # Another model is another robot.
     (here / "arm.xml").write_text(MODEL.replace('gear="5"', 'gear="6"'))
-    assert cli.run(["task=arm.yaml", *BUDGET]) == 2
+    assert cli.run(["task=arm.yaml", *command[-2:], *BUDGET]) == 2
     assert "holds results of another config:\n  task.digest: " in capsys.readouterr().err
     assert tltl("evaluate", "runs/arm/tltl_episodic/seed_0") == 2
     assert capsys.readouterr().err == (

@@ -8,7 +8,10 @@ import pytest
 from PIL import Image
 
 from tltlrl.errors import UserError
-from tltlrl.reports.video import AMBIENT, WIDTH, Film, _frame, _told, beside, write_film
+from tltlrl.logic import parse_spec
+from tltlrl.registry import TASKS
+from tltlrl.reports.video import AMBIENT, WIDTH, Film, _frame, _told, beside, look_at_all, write_film
+from tltlrl.tasks.environment import environment
 
 
 def frames(count, height=40, width=WIDTH):
@@ -42,6 +45,21 @@ def test_the_files_of_a_film(tmp_path):
     if (mp4 := tmp_path / "motion_0.3.mp4") in files:
         assert mp4.read_bytes()[4:8] == b"ftyp"
         assert b"avc1" in mp4.read_bytes()  # H.264
+
+
+def test_without_a_camera_a_whole_motion_and_its_places_are_seen():
+    task = TASKS.get("reach_avoid").make(TASKS.get("reach_avoid").config())
+    env = environment(task, noise=False)
+    (far,) = parse_spec("signal ee[3]\nspec: F distance(ee, (5, 0, 1)) < 0.5").regions
+    commands, stat = np.full((60, 3), 0.5), env.physics.model.stat
+    look_at_all(env, commands, [far])
+    low, high = stat.center - stat.extent / 2, stat.center + stat.extent / 2
+    assert high[0] >= 5.5
+    env.reset()
+    tips = [env.step(command).observation["end_effector"] for command in commands]
+    assert np.min(tips, axis=0)[0] < -1
+    assert (np.min(tips, axis=0) > low[:2]).all()
+    assert (np.max(tips, axis=0) < high[:2]).all()
 
 
 @pytest.mark.parametrize(("light", "bright"), [("", True), ("<light/>", False)])

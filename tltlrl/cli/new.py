@@ -11,7 +11,9 @@ from pathlib import Path
 
 from tltlrl.errors import UserError
 
-GENTLY = "algorithm.initial_std=0.3 algorithm.correlation=10"  # full commands that change at every step throw an arm about
+GENTLY = (
+    "algorithm.initial_std=0.3 algorithm.correlation=10"  # full commands that change at every step throw an arm about
+)
 
 
 def add_arguments(parser: ArgumentParser) -> None:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import dm_env
 import mujoco
 import numpy as np
 from dm_control.mujoco.wrapper import MjvOption
@@ -205,6 +206,8 @@ def motion_frames(task: Task, spec: Spec, policy: Policy) -> list[Frame]:
     places = [region for region in spec.regions if region.signal == "ee" or task.units.get(region.signal or "") == "m"]
     commands = mean_motion(simulator_of(task), policy).commands[0]
     env = environment(task, noise=False)
+    if task.camera is None:
+        look_at_all(env, commands, places)
     frames, timestep = [], env.reset()
     for command in commands:
         frames.append(_frame(env.physics, task.camera, places))
@@ -212,6 +215,33 @@ def motion_frames(task: Task, spec: Spec, policy: Policy) -> list[Frame]:
             break
         timestep = env.step(command)
     return frames
+
+
+def look_at_all(env: dm_env.Environment, commands: Array, places: Sequence[Region]) -> None:
+    """Moves the free camera, which looks at the start, so far back that it sees a whole motion, and all places.
+
+    Args:
+      env: of a task, with its `physics`.
+      commands: of the motion, shape (T, d).
+      places: regions of the spec.
+    """
+    model = env.physics.model
+    moving = model.body_weldid[model.geom_bodyid] != 0
+    timestep, centres, sizes = env.reset(), [], []
+    for command in commands:
+        centres.append(env.physics.data.geom_xpos[moving].copy())
+        sizes.append(model.geom_rbound[moving, None])
+        if timestep.last():
+            break
+        timestep = env.step(command)
+    for region in places:
+        if region.centre is not None and len(region.centre) == 3:
+            centres.append(np.array([region.centre]))
+            sizes.append(np.array([[region.radius]]))
+    around, size = np.concatenate(centres), np.concatenate(sizes)
+    if len(around):
+        low, high = (around - size).min(axis=0), (around + size).max(axis=0)
+        model.stat.center[:], model.stat.extent = (low + high) / 2, (high - low).max()
 
 
 def _own_frames(task: Task, outside: Outside, policy: Policy) -> list[Frame]:
