@@ -64,7 +64,7 @@ def install(who, moment, notes, role):
         buffer = io.BufferedWriter(Halved(file, mode.replace("b", "").replace("t", "")))
         return buffer if "b" in mode else io.TextIOWrapper(buffer, encoding or "utf-8", errors, newline)
 
-    from tltlrl.training import loop as training
+    from tltlrl.training import session as training
 
     training.CHECKPOINT_SECONDS = 0.0  # a checkpoint after every iteration
     iterate = training.iterate
