@@ -1,4 +1,4 @@
-"""The examples' own commands in small: each trains, and where it was stopped in the middle it ends with the same bytes."""
+"""The examples' own commands in small: each trains, and stopped in the middle it ends with the same bytes."""
 
 import re
 import shlex
