@@ -83,7 +83,7 @@ SAID = "robustness -0.125, `G safe` decides 93 %"
 
 @pytest.mark.parametrize(
     ("stream", "said"),
-    [(io.StringIO(), f"a seed 1 at iteration 21/90, {SAID}\n"), (Terminal(), f"left, seed 1 at 40/90, {SAID}")],
+    [(io.StringIO(), f"a seed 1 at iteration 21/90, {SAID}\n"), (Terminal(), f"left, 40/90, {SAID}, seed 1")],
     ids=["lines", "bar"],
 )
 def test_where_a_run_stands_is_said(tmp_path, monkeypatch, stream, said):
@@ -96,7 +96,20 @@ def test_where_a_run_stands_is_said(tmp_path, monkeypatch, stream, said):
     assert said in stream.getvalue()
 
 
-def test_on_a_terminal_every_case_has_a_line(tmp_path):
+def test_a_terminal_of_80_columns_shows_what_decides(tmp_path, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    now, stream = [0.0], Terminal()
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    with Progress(["continuous_episodic seed 1"], 90, tmp_path / "log.txt", lambda _: SAID, stream) as bar:
+        for i in range(40):
+            now[0] += 1.5
+            bar.advance(0, i + 1)
+    last = stream.getvalue().strip().splitlines()[-1]
+    assert last.find(SAID) + len(SAID) in range(len(SAID), 80), last
+
+
+def test_on_a_terminal_every_case_has_a_line(tmp_path, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "120")
     stream = Terminal()
     labels = ["tltl_cma seed 0", "tltl_cma seed 1", "discrete_step seed 0"]
     with Progress(labels, 10, tmp_path / "log.txt", stream=stream) as bar:

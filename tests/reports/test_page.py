@@ -14,7 +14,7 @@ from tltlrl.config.compose import compose
 from tltlrl.config.read import read
 from tltlrl.experiments.provenance import provenance
 from tltlrl.reports.clauses import standings
-from tltlrl.reports.page import _curves, write_page
+from tltlrl.reports.page import _curves, _table, write_page
 from tltlrl.reports.plotting import PANELS
 from tltlrl.reports.report import Tables, summarise
 from tltlrl.store.run import joined, read_results
@@ -25,7 +25,7 @@ SMALL = ["task.steps=12", "trials=3", "algorithm.iterations=3", "seeds=2", "case
 CONTENT = {
     "command": ["tltl-run", "experiment=reach_avoid", "name=a b"],
     "later_sessions": [],
-    "git": {"commit": "abc", "dirty": True},
+    "git": {"commit": "0123456789" * 4, "dirty": True},
     "packages": {"tltlrl": "0.2.0"},
     "python": "3.11",
     "platform": "Linux",
@@ -85,6 +85,7 @@ def test_every_picture_has_a_text_and_every_chart_its_values(page):
     assert len(root.xpath("//img")) == len(root.xpath("//img/@alt")) == 1
     assert not root.xpath("//svg[@role='img'][not(@aria-label)]")
     assert not root.xpath("//svg[not(@role)][not(@aria-hidden)]")
+    assert not root.xpath("//table[not(@aria-label)][not(ancestor::*[@role='region'][@aria-label])]")
     identifiers = root.xpath("//@id")
     assert len(identifiers) == len(set(identifiers))
     for chart in root.xpath("//svg[@data-chart]/@data-chart"):
@@ -115,19 +116,47 @@ def test_curves_of_300_runs_are_small_and_gaps_stay_gaps():
     assert "nan" not in text.lower()
 
 
-@pytest.mark.skipif(BROWSER is None, reason="no Chromium to look at the page with (Debian: apt-get install chromium)")
-def test_a_browser_shows_it_and_its_script_runs(page, tmp_path):
-    picture = tmp_path / "page.png"
-    flags = ["--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}"]
-    shown = subprocess.run(
-        [BROWSER, *flags, "--window-size=420,2400", f"--screenshot={picture}", "--dump-dom", page.as_uri()],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
+def test_a_reason_is_no_number():
+    cells = html.fromstring(_table(["", "", "", ""], [["1 of 2 (3 %)", "-0.5", "never", "7: `a < b` at step 3"]], "x"))
+    assert cells.xpath("//td[not(@class)]/text()") == ["7: `a < b` at step 3"]
+
+
+def test_what_differs_is_also_known_of_an_environment_of_others(tmp_path):
+    spec = tmp_path / "caught.tltl"
+    spec.write_text("signal reward\nspec: F reward > 0.5\n")
+    study, _ = read(compose(["task=suite", "task.id=ball_in_cup-catch", f"spec={spec}", "task.steps=6"]))
+    known = provenance(study, CONTENT)
+    assert {key for key, value in known.settings.items() if known.defaults[key] != value} == {"task.steps"}
+
+
+NO_BROWSER = "no Chromium to look at the page with (Debian: apt-get install chromium)"
+NARROW = """<script>document.documentElement.style.width = "390px";
+document.title = document.body.scrollWidth + " of " + document.body.clientWidth;</script>"""
+
+
+def look(page, folder, *flags):
+    """What Chromium says of a page, after its scripts."""
+    assert BROWSER is not None
+    own = ["--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={folder / 'profile'}"]
+    return subprocess.run(
+        [BROWSER, *own, *flags, page.as_uri()], capture_output=True, text=True, timeout=120, check=False
     )
+
+
+@pytest.mark.skipif(BROWSER is None, reason=NO_BROWSER)
+def test_in_print_what_is_folded_on_the_screen_is_open(page, tmp_path):
+    shown = look(page, tmp_path, f"--print-to-pdf={tmp_path / 'page.pdf'}")
+    assert (tmp_path / "page.pdf").read_bytes().count(b"/Subtype /Image") == 1, shown.stderr
+
+
+@pytest.mark.skipif(BROWSER is None, reason=NO_BROWSER)
+def test_a_browser_shows_it_and_its_script_runs(page, tmp_path):
+    picture, narrow = tmp_path / "page.png", tmp_path / "narrow.html"
+    narrow.write_text(page.read_text() + NARROW)
+    shown = look(narrow, tmp_path, "--window-size=420,2400", f"--screenshot={picture}", "--dump-dom")
     assert picture.exists(), shown.stderr
     assert len(Image.open(picture).convert("L").getcolors()) > 20
     root = html.fromstring(shown.stdout)
+    assert root.xpath("//title/text()") == ["390 of 390"]  # nothing is wider than a phone
     assert root.xpath("//input/@aria-valuetext") == ["0.55 s", "0.55 s"]  # the script set it
     assert all(root.xpath("//*[contains(@class, 'robot')]/@points"))

@@ -10,7 +10,18 @@ from PIL import Image
 from tltlrl.errors import UserError
 from tltlrl.logic import parse_spec
 from tltlrl.registry import TASKS
-from tltlrl.reports.video import AMBIENT, WIDTH, Film, _frame, _told, beside, look_at_all, write_film
+from tltlrl.reports.video import (
+    AMBIENT,
+    INSIDE_COLOUR,
+    OUTSIDE_COLOUR,
+    WIDTH,
+    Film,
+    _frame,
+    _told,
+    beside,
+    look_at_all,
+    write_film,
+)
 from tltlrl.tasks.environment import environment
 
 
@@ -60,6 +71,13 @@ def test_without_a_camera_a_whole_motion_and_its_places_are_seen():
     assert np.min(tips, axis=0)[0] < -1
     assert (np.min(tips, axis=0) > low[:2]).all()
     assert (np.max(tips, axis=0) < high[:2]).all()
+
+
+def test_in_grey_too_a_region_to_keep_out_of_is_darker():
+    def grey(colour, white=1.0):
+        return float(np.array([0.299, 0.587, 0.114]) @ (colour[3] * colour[:3] + (1 - colour[3]) * white))
+
+    assert grey(OUTSIDE_COLOUR) < grey(INSIDE_COLOUR) - 0.1
 
 
 @pytest.mark.parametrize(("light", "bright"), [("", True), ("<light/>", False)])

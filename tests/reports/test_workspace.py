@@ -61,6 +61,20 @@ def test_regions_say_when_they_are_entered_and_the_ring_what_decides(task):
     assert [text.get_text() for text in figure.axes[0].texts] == ["start\n0 s", "decides, 0 s"]
 
 
+def test_labels_leave_start_end_and_entries_free(task):
+    spec = run_of(IN_PLACE, task).spec
+    motion = watch(task, spec, POLICY, Simulator(task))
+    labels = workspace._labels(motion, (0, 1))
+    (entry,) = entries(spec.regions[0], motion.path)
+    free = {label.at for label in labels if not label.text}
+    assert free >= {tuple(motion.path[step]) for step in (0, entry, -1)}
+    axes = Figure().add_axes((0.1, 0.1, 0.8, 0.8))
+    axes.set(xlim=(-3, 3), ylim=(-3, 3))
+    for mark in ((0.0, -0.5), (0.0, 0.5)):  # below, where a label would be, and above
+        (box,) = place(axes, [Label("at", (0.0, 0.0), 0.3), Label("", mark)], np.zeros((1, 2)))
+        assert not box.contains(*axes.transData.transform(mark))
+
+
 def test_clauses_while_the_motion_runs_end_as_those_of_the_whole_motion(task):
     spec = run_of(IN_PLACE, task).spec
     motion = watch(task, spec, POLICY, Simulator(task))

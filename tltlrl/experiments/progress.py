@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 import time
 from collections.abc import Callable
@@ -15,6 +16,8 @@ from tltlrl.errors import shown
 LINE_SECONDS = 30.0
 BAR_SECONDS = 1.0
 BAR = "{desc} {percentage:3.0f} % |{bar:8}| {remaining} left{postfix}"
+NARROW = "{desc} {remaining} left{postfix}"  # where a bar would push what decides out of the line
+WIDE = 110  # columns that a line with a bar needs
 
 
 class Progress:
@@ -47,12 +50,13 @@ class Progress:
         self._log = open(log, "a", encoding="utf-8")  # noqa: SIM115  # closed by __exit__
         self._on_terminal = stream.isatty()
         width = max(map(len, cases), default=0)
+        bar_format = BAR if shutil.get_terminal_size().columns >= WIDE else NARROW
         self._bars: dict[str, Any] = {
             case: tqdm(
                 total=self._case.count(case) * self._steps,
                 desc=case.ljust(width),
                 position=place,
-                bar_format=BAR,
+                bar_format=bar_format,
                 file=stream,
                 disable=not self._on_terminal,
                 dynamic_ncols=True,
@@ -90,7 +94,7 @@ class Progress:
         if self._on_terminal and now - self._shown[case] > BAR_SECONDS:
             self._shown[case] = now
             seed = self._labels[index].removeprefix(case).strip()
-            self._bars[case].set_postfix_str(f"{seed} at {self._place(done, '')}{self._so_far(index)}")
+            self._bars[case].set_postfix_str(f"{self._place(done, '')}{self._so_far(index)}, {seed}")
         elif not self._on_terminal and now - self._last_line > LINE_SECONDS:
             self._last_line = now
             at = f"{self._labels[index]} at {self._place(done, 'iteration ')}{self._so_far(index)}"

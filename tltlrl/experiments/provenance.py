@@ -7,8 +7,9 @@ from functools import cache
 from typing import Any
 
 from tltlrl.config.compare import flatten
-from tltlrl.config.compose import compose
+from tltlrl.config.compose import compose, quoted, spec_of
 from tltlrl.errors import UserError
+from tltlrl.registry import FOREIGN, TASKS
 from tltlrl.reports.page import Provenance
 from tltlrl.training.study import Study
 
@@ -22,7 +23,6 @@ def provenance(study: Study, content: Mapping[str, Any]) -> Provenance:
     """
     git = content["git"] or {}
     commit = f"{git.get('commit', 'not known')}{', with changes' if git.get('dirty') else ''}"
-    page = study.settings.get("task", {}).get("file")
     return Provenance(
         [content["command"], *(session["command"] for session in content["later_sessions"])],
         {
@@ -33,16 +33,32 @@ def provenance(study: Study, content: Mapping[str, Any]) -> Provenance:
             "started": content["started"],
         },
         flatten(study.settings),
-        _defaults(page) if page else _defaults_of(study.task.name),
+        _defaults(study),
     )
 
 
-def _defaults(task: str) -> dict[str, Any]:
+def _defaults(study: Study) -> dict[str, Any]:
     """What a bare `tltl-run task=NAME` would be; nothing if it is not there (a robot's page that was moved)."""
+    task = study.settings.get("task", {})
+    if task.get("file"):
+        return _composed(f"task={task['file']}")
+    name = study.task.name
+    if name in TASKS.built_in:
+        return _built_in(name)
+    needed = [f"task.id={task['id']}"] if name in FOREIGN else []
+    if spec_of(name) is None:
+        needed.append(f"spec={quoted(study.settings['spec'])}")
+    return _composed(f"task={name}", *needed)
+
+
+def _composed(*overrides: str) -> dict[str, Any]:
     try:
-        return flatten(compose([f"task={task}"]))
+        return flatten(compose(overrides))
     except UserError:
         return {}
 
 
-_defaults_of = cache(_defaults)  # for tasks by name, whose files do not change; composing takes 0.2 s
+@cache
+def _built_in(name: str) -> dict[str, Any]:
+    """Composed once, which takes 0.2 s: the files are tltlrl's own, while those of packages and users may change."""
+    return _composed(f"task={name}")

@@ -16,7 +16,7 @@ from tltlrl.reports.plotting import faintness
 
 Array = NDArray[np.float64]
 
-WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 460, 260, 56, 12, 10, 40
+WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 460, 260, 68, 12, 10, 40
 MOST_POINTS, MOST_OF_THIN = 150, 75  # of a line: more than a page can show
 DASHES = ("", "7 4", "9 3 2 3", "2 3", "9 3 2 3 2 3", "1 2")
 COLOURS = 6  # of page.css

@@ -108,11 +108,11 @@ def _label(case: object) -> str:
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]], name: str) -> str:
-    """A table; cells are HTML, and numbers where they begin like one, or say that there is none."""
+    """A table; cells are HTML, and numbers where they begin like one, without a reason after it, or are "never"."""
     top = "".join(f'<th scope="col">{cell}</th>' for cell in head)
     body = "".join(
         "<tr>"
-        + "".join(f"<td{NUMBER if re.match(r'[-+]?[0-9]|never$', cell) else ''}>{cell}</td>" for cell in row)
+        + "".join(f"<td{NUMBER if re.match(r'[-+]?[0-9][^:]*$|never$', cell) else ''}>{cell}</td>" for cell in row)
         + "</tr>"
         for row in rows
     )

@@ -58,8 +58,9 @@ def player(identifier: str, task: Task, motion: Motion, name: str) -> str:
         for text, watched in motion.clauses.items()
     )
     clauses = (
-        '<div class="wide"><table><thead><tr><th>clause</th><th>if the motion ended now</th><th>at its end</th></tr>'
-        f"</thead><tbody>{rows}</tbody></table></div>"
+        f'<div class="wide"><table aria-label="clauses of {escape(name)}"><thead><tr><th scope="col">clause</th>'
+        '<th scope="col">if the motion ended now</th><th scope="col">at its end</th></tr></thead>'
+        f"<tbody>{rows}</tbody></table></div>"
         if rows
         else ""
     )

@@ -37,8 +37,9 @@ HEIGHT, WIDTH = 360, 480  # pixels
 LINE, EDGE = 18, 6  # pixels: of a line of text below, and around the text
 LONGEST, MOST_CLAUSES = 48, 8  # characters of a clause; clauses
 STRIP_FRAMES = 6  # in two rows, or more where frames are wider
+# Of regions to be in, and of those that `distance(...) > radius` keeps out of, which are darker, in grey, too.
 INSIDE_COLOUR = np.array([0.3, 0.5, 0.9, 0.18], dtype=np.float32)
-OUTSIDE_COLOUR = np.array([0.9, 0.4, 0.2, 0.25], dtype=np.float32)  # of what `distance(...) > radius` keeps out of
+OUTSIDE_COLOUR = np.array([0.7, 0.2, 0.05, 0.32], dtype=np.float32)
 CLEARANCE = 0.004  # m, around a region, whose faces would else coincide with those of the body it stands for
 AMBIENT, DIFFUSE = 0.35, 0.55  # light on a model that has none of its own
 WHITE = np.ones(4, dtype=np.float32)

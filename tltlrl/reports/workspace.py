@@ -144,12 +144,14 @@ def draw_path(axes: Axes, path: Array, start: int, stop: int, width: float) -> N
 
 
 def _labels(motion: Motion, view: tuple[int, int]) -> list[Label]:
-    """What stands beside the regions and the mark of what decides."""
+    """What stands beside the regions and the mark of what decides, and the marks, which it must leave free."""
     assert motion.path is not None
     labels = []
+    marks = [0, len(motion.path) - 1]
     for region in motion.regions:
         x, y, reach = _extent(region, view)
         steps = entries(region, motion.path)
+        marks += steps[:TOLD]
         when = ", ".join(f"{motion.times[step]:.4g} s" for step in steps[:TOLD]) + (", …" if len(steps) > TOLD else "")
         if region.inside:
             text = f"{region.name or 'region'}\n{when or 'never entered'}"
@@ -160,7 +162,8 @@ def _labels(motion: Motion, view: tuple[int, int]) -> list[Label]:
         labels.append(Label(text, (x, y), reach))
     at = motion.path[motion.why.step][list(view)]
     labels.append(Label(f"decides, {motion.times[motion.why.step]:.4g} s", (float(at[0]), float(at[1])), 0.0))
-    return labels
+    points = motion.path[marks][:, list(view)].tolist()
+    return [*labels, *(Label("", (x, y)) for x, y in points)]
 
 
 def _extent(region: Region, view: tuple[int, int]) -> tuple[float, float, float]:
