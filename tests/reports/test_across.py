@@ -70,7 +70,7 @@ def test_an_experiment_is_called_by_the_keys_that_differ(tmp_path):
     assert names_of(folders) == ["x", "y"]
 
 
-def test_every_common_case_has_a_column_and_every_experiment_a_line_of_its_own():
+def test_every_common_case_has_a_row_and_every_experiment_a_line_of_its_own():
     curves = pd.DataFrame(
         {"task": "t", "case": case, "seed": seed, "iteration": i, "episodes": 20, "robustness_mean": float(i),
          "robustness_policy": float(i)}
@@ -81,3 +81,6 @@ def test_every_common_case_has_a_column_and_every_experiment_a_line_of_its_own()
     assert labels == [["epsilon=1", "epsilon=2"]] * 2  # the other case is in one experiment alone
     lines = [line for line in figure.axes[0].get_lines() if not line.get_label().startswith("_")]
     assert len({str(line.get_linestyle()) for line in lines}) == 2
+    both = cases_figure({"epsilon=1": curves, "epsilon=2": curves})
+    assert both.get_figwidth() == figure.get_figwidth()  # however many cases, it can be read at a column's width
+    assert both.get_figheight() > figure.get_figheight()

@@ -19,6 +19,7 @@ from tltlrl.reports.video import (
     _frame,
     _told,
     beside,
+    film_strip,
     look_at_all,
     write_film,
 )
@@ -56,6 +57,12 @@ def test_the_files_of_a_film(tmp_path):
     if (mp4 := tmp_path / "motion_0.3.mp4") in files:
         assert mp4.read_bytes()[4:8] == b"ftyp"
         assert b"avc1" in mp4.read_bytes()  # H.264
+
+
+def test_the_time_in_a_strip_is_read_on_black_and_on_white():
+    for shade in (0, 255):
+        strip = film_strip([np.full((60, WIDTH, 3), shade, dtype=np.uint8)] * 8, 0.05)
+        assert {0, 255} <= {grey for _, grey in strip.convert("L").getcolors()}
 
 
 def test_without_a_camera_a_whole_motion_and_its_places_are_seen():

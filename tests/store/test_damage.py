@@ -160,7 +160,7 @@ RUN_DAMAGES = [
 RESTORED = "config.yaml was missing or damaged and is written again, from manifest.json"
 DAMAGES = [
     *RUN_DAMAGES,
-    (f"{RUN}/done.json", deleted, "1 runs of 2 iterations into"),
+    (f"{RUN}/done.json", deleted, "1 run of 2 iterations into"),
     *((name, damage, "2 of 2 runs") for name in ("learning_curves.csv", "summary.csv") for damage in (deleted, cut)),
     *((name, emptied, "2 of 2 runs") for name in ("learning_curves.png", "tltl_episodic/workspace.png")),
     *(("config.yaml", damage, RESTORED) for damage in (deleted, emptied, cut)),
@@ -192,7 +192,7 @@ def test_the_same_command_mends_what_is_damaged_and_says_so(undisturbed, copy, n
     code, errors = tltl_run(copy, nothing if name.endswith(".png") else without_figure)
     assert code == 0, errors
     assert told in errors
-    assert ("runs of 2 iterations" in errors) == (AGAIN in told or "1 runs" in told)  # and computes nothing else
+    assert ("of 2 iterations" in errors) == (AGAIN in told or "1 run of" in told)  # and computes nothing else
     assert result(copy) == result(undisturbed)
 
 

@@ -71,7 +71,9 @@ def _compare(arguments: Namespace) -> int:
     if aggregates and (tasks := never_satisfied(list(summaries.values()))):
         said.append(f"robustness is not taken together: no run satisfies the spec of {', '.join(tasks)}")
     if not said:
-        raise UserError("--compare: the experiments have no case with common seeds, and no case in several tasks")
+        raise UserError(
+            "--compare: the experiments have no case with common seeds, and none with two seeds or more in every task"
+        )
     if len({summary["task"].iloc[0] for summary in summaries.values()}) == 1:
         plot_cases({name: read_curves(folder)[0] for name, folder in zip(names, folders, strict=True)}, output)
         print(shown(", ".join(f"{output}{suffix}" for suffix in FORMATS)))

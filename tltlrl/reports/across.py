@@ -168,7 +168,7 @@ def _bootstrapped(runs: Sequence[Array]) -> tuple[float, float]:
 
 
 def plot_cases(experiments: Mapping[str, pd.DataFrame], path: Path) -> None:
-    """Draws the curves by case, as path.png and path.pdf: a column per shared case, a line per experiment.
+    """Draws the curves by case, as path.png and path.pdf: a row per shared case, a line per experiment.
 
     Args:
       experiments: name => learning_curves.csv, of one task.
@@ -184,12 +184,13 @@ def cases_figure(experiments: Mapping[str, pd.DataFrame]) -> Figure:
     cases = [case for case, count in counted.items() if count > 1]
     styles = {name: GREY_STYLES[i % len(GREY_STYLES)] for i, name in enumerate(experiments)}
     with own_style():
-        figure = Figure(figsize=(0.6 + 3.6 * len(cases), 6.0 + 0.2 * len(experiments)), layout="constrained")
-        grid = figure.subplots(len(PANELS), len(cases), squeeze=False)
-        for column, case in enumerate(cases):
+        size = 3.4 * len(PANELS), 0.6 + 2.2 * len(cases) + 0.2 * len(experiments)
+        figure = Figure(figsize=size, layout="constrained")  # narrow, to be read at the width of a column
+        grid = figure.subplots(len(cases), len(PANELS), squeeze=False)
+        for row, case in zip(grid, cases, strict=True):
             own = {name: curves[curves["case"] == case] for name, curves in experiments.items()}
             together = pd.concat([rows.assign(case=name) for name, rows in own.items() if len(rows)])
-            for axes, (measure, of) in zip(grid[:, column], PANELS.items(), strict=True):
+            for axes, (measure, of) in zip(row, PANELS.items(), strict=True):
                 draw_curves(axes, together, measure, styles)
                 axes.set_title(f"{LABELS.get(case, case)}\n{of}")
                 axes.set_ylim(_limits(together, measure))

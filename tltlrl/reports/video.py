@@ -196,7 +196,8 @@ def film_strip(frames: list[Frame], timestep: float) -> Image.Image:
         row, column = divmod(place, columns)
         corner = (column * width, row * height)
         strip.paste(Image.fromarray(frames[i]), corner)
-        draw.text((corner[0] + 10, corner[1] + 8), f"{i * timestep:.2f} s", fill="black", font=font)
+        at, time = (corner[0] + 10, corner[1] + 8), f"{i * timestep:.2f} s"
+        draw.text(at, time, fill="black", font=font, stroke_width=3, stroke_fill="white")  # to be read on black, too
     return strip
 
 
