@@ -197,7 +197,8 @@ def compute(
             failures[f"{run.case.name}/seed_{run.seed}"] = f"{type(error).__name__}: {error}"
 
     workers = min(machinery.workers or processors(), len(missing))
-    progress.say(f"{len(missing)} run{'s' * (len(missing) > 1)} of {study.algorithm.iterations} iterations into {folder}")
+    runs = "1 run" if len(missing) == 1 else f"{len(missing)} runs"
+    progress.say(f"{runs} of {study.algorithm.iterations} iterations into {folder}")
     try:
         run_all(jobs, workers, machinery.address, progress.advance, on_end, progress.say)
     except KeyboardInterrupt:
