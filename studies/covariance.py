@@ -195,7 +195,7 @@ def table(results: pd.DataFrame) -> str:
         rows = []
         for setting, part in group.groupby(KEYS[3:], sort=False, dropna=False):
             values = dict(zip(KEYS[3:], setting, strict=True))
-            first = part["first_satisfied"].where(part["first_satisfied"] >= 0, np.inf).median()
+            first = part["first_satisfied"].astype("float64").where(part["first_satisfied"] >= 0, np.inf).median()
             final, area = part["final"], part["area"].mean()
             line = (
                 f"| {label(values)} | {values['iterations']} | {len(part)} | {(final > 0).sum()} "

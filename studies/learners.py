@@ -93,8 +93,8 @@ def overview(table: pd.DataFrame) -> pd.DataFrame:
         {
             "episodes": groups["episodes"].first(),
             "satisfied": groups["satisfied"].sum().astype(str) + " of " + groups.size().astype(str),
-            "first": groups["first_satisfied"].agg(median),
-            "for good": groups["for_good"].agg(median),
+            "first": groups["first_satisfied"].apply(median),
+            "for good": groups["for_good"].apply(median),
             "robustness": groups["robustness_policy"].median().round(4),
             "least": groups["robustness_policy"].min().round(4),
             "share of best": groups["share_of_best"].median().round(2),

@@ -21,7 +21,8 @@ class Explanation:
 
     The edge of the trajectory may decide instead: its end (X at the last sample, T without a second sample) or its
     start (previous at the first sample). Then `value` is infinite, `predicate`, `name`, `line`, `column` and `margin`
-    are None, `step` is the last sample or the first, and `edge` says which.
+    are None, `step` is the last sample or the first, and `edge` says which. The left operand of U or T is read on the
+    samples before the right one only; where it decides, the end is that of this part.
     """
 
     value: float

@@ -17,11 +17,10 @@ def test_the_predicate_told_has_the_deciding_margin_at_its_step(formula, seed):
         reading = witness.update({name: values[0, t] for name, values in signals.items()})
         why = witness.explanation()
         assert why.value == reading.robustness[0]
+        assert why.step <= t
         if why.predicate is None:
             assert np.isinf(why.value)
-            assert why.step in (0, t)
             continue
-        assert why.step <= t
         assert why.value == (-why.margin if why.negated else why.margin)
         until = {name: values[:, : why.step + 1] for name, values in signals.items()}
         predicate = parse_spec(DECLARED + why.predicate)
@@ -41,6 +40,15 @@ def test_the_step_told_is_that_of_a_whole_explanation(formula, seed):
         why = witness.explanation()
         (whole,) = spec.explain({name: values[:, : t + 1] for name, values in signals.items()})
         assert (why.value, why.step, why.margin is None) == (whole.value, whole.step, whole.margin is None)
+
+
+def test_the_end_may_be_that_of_the_part_on_which_a_left_operand_is_read():
+    spec = parse_spec("signal x\nspec: (F[1,1] x > 0) U[2,2] x > 0")  # the left operand lacks a sample at step 1
+    witness = spec.watch()
+    for t in range(5):
+        witness.update({"x": 1.0})
+        why, (whole,) = witness.explanation(), spec.explain({"x": np.ones((1, t + 1))})
+        assert (why.step, why.edge, why.value) == (whole.step, whole.edge, whole.value) == (min(t, 1), "end", -np.inf)
 
 
 def test_names_and_places_are_those_of_a_whole_explanation():
