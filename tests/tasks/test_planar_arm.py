@@ -2,13 +2,17 @@
 
 import re
 from dataclasses import replace
+from importlib.resources import files
 
 import mujoco
 import numpy as np
 import pytest
 
 from tltlrl.errors import UserError
+from tltlrl.simulation.rollout import Simulator
 from tltlrl.tasks.environment import environment
+from tltlrl.tasks.mjcf.file import config_of
+from tltlrl.tasks.mjcf.robot import Robot
 from tltlrl.tasks.planar_arm import scene
 from tltlrl.tasks.planar_arm.rewards import (
     ReachAvoidReward,
@@ -19,6 +23,17 @@ from tltlrl.tasks.planar_arm.rewards import (
 from tltlrl.tasks.planar_arm.scene import PlanarArm, PlanarArmConfig, arm_model, forward_kinematics
 
 ARM, REACH_AVOID, VISIT_IN_ORDER = PlanarArmConfig(), ReachAvoidReward(), VisitInOrderReward()
+PAGE = """\
+model: arm.xml
+duration: 10
+start: {joint_1: 0.5, joint_2: 0.5, joint_3: 0.5}
+command_noise: 0.01
+feedback: {speed_1: -1, speed_2: -1, speed_3: -1}
+signals:
+  ee: [site_xpos.end_effector.x, site_xpos.end_effector.y]
+  angles: [qpos.joint_1, qpos.joint_2, qpos.joint_3]
+  velocities: [qvel.joint_1, qvel.joint_2, qvel.joint_3]
+"""
 CONSTANTS = {
     "goal": (-1.2, 1.4),
     "goal_radius": 0.2,
@@ -51,6 +66,24 @@ def test_each_feature_is_the_quantity_that_the_table_says():
         np.testing.assert_allclose(
             features, [expected[name] for group in task.observation for name in group.parts], atol=1e-12
         )
+
+
+def test_a_page_can_describe_this_arm(tmp_path):
+    """docs/task-in-python.md says so, and what a page leaves out."""
+    model = files("tltlrl.tasks.planar_arm").joinpath("arm.xml").read_text(encoding="utf-8")
+    (tmp_path / "arm.xml").write_text(model.replace('ctrllimited="true"', 'ctrlrange="-2 2"'))
+    (tmp_path / "arm.yaml").write_text(PAGE)
+    tasks = PlanarArm(ARM), Robot(config_of(tmp_path / "arm.yaml"))
+    rng = np.random.default_rng(0)
+    offsets, noise = 2 * rng.normal(size=(2, 5, 200, 3))
+    said = []
+    for task in tasks:
+        held = np.einsum("dn,tn->td", task.feedback, task.reference()[0])
+        motion = Simulator(task).rollout(-task.feedback, offsets + held, task.command_noise * noise)
+        said.append(task.signals(motion.features, motion.commands))
+    assert said[0].keys() == said[1].keys()
+    for name in said[0]:
+        np.testing.assert_allclose(said[0][name], said[1][name], rtol=0, atol=1e-9)
 
 
 def test_link_lengths_reach_model_and_kinematics():

@@ -142,10 +142,14 @@ def seeds_of(seeds: int | Sequence[int]) -> tuple[int, ...]:
     """The seeds that the key `seeds` stands for: a list of seeds, or a number n for the first n.
 
     Raises:
-      UserError: if there are too many.
+      UserError: if there are none, or too many.
     """
     if not isinstance(seeds, int):
         return tuple(seeds)
+    if seeds < 1:
+        raise UserError(
+            f"seeds: {seeds} must be a number n >= 1 for the seeds 0 .. n-1, or a list, as seeds=[{max(seeds, 0)}]"
+        )
     if seeds > MOST_SEEDS:
         raise UserError(f"seeds: {seeds} are too many; at most {MOST_SEEDS}, or a list of the seeds themselves")
     return tuple(range(seeds))

@@ -187,7 +187,11 @@ def test_a_run_is_the_same_for_any_workers_and_after_a_stop(here):
         ([*SMALL[:2], "task.feedback.command_0.x=1"], "task.feedback.command_0.x: there is no such feature"),
         ([*SMALL[:2], "task.feedback.command_0=1"], "task.feedback.command_0: expected {FEATURE: gain}, not 1"),
         ([*SMALL[:2], "task.steps=1"], "task.steps: 1 is too small"),
-        ([*SMALL[:2], "spec=far.tltl"], "spec: it needs a signal ee, which ball_in_cup_catch has not"),
+        (
+            [*SMALL[:2], "spec=far.tltl"],
+            "spec: it needs a signal ee, which ball_in_cup_catch has not; there are: command, position, reward, "
+            "velocity; name numbers of an observation by 'task.signals.ee=position[0:2]'",
+        ),
         ([*SMALL[:2], "cases=discrete_step"], "cases: no case is named discrete_step"),
     ],
 )

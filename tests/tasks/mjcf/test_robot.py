@@ -153,6 +153,22 @@ def test_actuators_that_are_not_commanded_are_taken_out(robot):
     assert task.command_scale == [1.0]
 
 
+def test_actuators_and_joints_without_a_name_are_called_by_their_numbers(robot, tmp_path):
+    """Also where the one before is taken out, and where they are measured."""
+    nameless = ARM.replace(' name="shoulder"', "").replace(' name="elbow"', "").replace(' joint="elbow"', ' joint="b"')
+    nameless = nameless.replace("<joint axis", '<joint name="b" axis').replace('name="b" ', "", 1)
+    nameless = nameless.replace('<position joint="shoulder" kp', '<position joint="b" kp')
+    (tmp_path / "nameless.xml").write_text(nameless)
+    page = "model: {}.xml\nduration: 0.5\ncommands: [{}]\nfeedback: {{{}: -1}}\n"
+    signals = "signals: {{torque: actuator_force.{}, first: qpos.{}}}\n"
+    elbows = (page + signals).format("nameless", *["actuator_1"] * 3, "joint_0")
+    tasks = robot(elbows), robot((page + signals).format("arm", *["elbow"] * 3, "shoulder"))
+    offsets = np.random.default_rng(0).uniform(-1, 1, (2, tasks[0].steps, 1))
+    motions = [Simulator(task).rollout(task.feedback, offsets, 0 * offsets) for task in tasks]
+    np.testing.assert_array_equal(*(motion.features for motion in motions))
+    assert tasks[0].action[0].parts == ("actuator_1",)
+
+
 def test_an_episode_ends_where_the_page_says(robot):
     task = robot("model: arm.xml\nduration: 1.0\nsignals: {tip: site_xpos.tip}\nends_when: tip.z < -0.2\n")
     zeros = np.zeros((1, task.steps, 2))

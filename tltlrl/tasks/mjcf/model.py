@@ -98,6 +98,9 @@ def _files(path: Path) -> list[Path]:
 def read_model(path: Path) -> mujoco.MjSpec:
     """Reads a model, which may still be changed; automatic resets are switched off.
 
+    Joints and actuators without a name are named by their kind and number: they are commanded, measured and features
+    all the same, and keep these names when others are taken out.
+
     Raises:
       UserError: if MuJoCo cannot read it; with MuJoCo's message and its line.
     """
@@ -106,6 +109,11 @@ def read_model(path: Path) -> mujoco.MjSpec:
     except ValueError as error:
         raise complaint(path, error) from None
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    for kind, elements in (("joint", spec.joints), ("actuator", spec.actuators)):
+        taken = {element.name for element in elements}
+        for i, element in enumerate(elements):
+            if not element.name and f"{kind}_{i}" not in taken:
+                element.name = f"{kind}_{i}"
     return spec
 
 

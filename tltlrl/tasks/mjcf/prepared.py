@@ -45,11 +45,7 @@ def prepared(
     spec = read_model(path)
     add_actuators(spec, added)
     quantities.add_sensors(spec, measures)
-    others = [
-        actuator
-        for i, actuator in enumerate(spec.actuators)
-        if commanded is not None and (actuator.name or f"actuator_{i}") not in commanded
-    ]
+    others = [actuator for actuator in spec.actuators if commanded is not None and actuator.name not in commanded]
     for actuator in others:
         spec.delete(actuator)
     if others:
