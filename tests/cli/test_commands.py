@@ -48,6 +48,12 @@ def test_evaluate_counts_its_trials_and_repeats_with_the_same_seed(experiment, c
     satisfied = sum(verdict == "satisfied" for _, _, verdict in trials)
     assert re.search(r"^  path_length +[\d.]+  m, of the end-effector$", first, flags=re.MULTILINE)
     assert f"success rate {satisfied}/7 = {satisfied / 7:.2f}" in first
+    values = sorted(float(value) for _, value, _ in trials)
+    said = "robustness: 5 % of the trials up to {:+.4f}, half up to {:+.4f}, 95 % up to {:+.4f}"
+    assert f"\n{said.format(values[0], values[3], values[5])}\n" in first
+    failures = re.findall(r"^(\d+) fail by `.+`.*, at steps? \d+", first, flags=re.MULTILINE)
+    assert failures
+    assert sum(map(int, failures)) == 7 - satisfied
     assert tltl(capsys, "evaluate", experiment / RUN, "--trials", 7, "--seed", 3)[1] == first
     assert tltl(capsys, "evaluate", experiment / RUN, "--trials", 7, "--seed", 4)[1] != first
 

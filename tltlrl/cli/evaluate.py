@@ -82,7 +82,8 @@ def run(arguments: Namespace) -> int:
 def _tell(learned: Run, policy: Policy, arguments: Namespace) -> None:
     """Prints the trials of one policy and the measures of its motion."""
     tried = try_policy(learned, policy, arguments.trials, np.random.default_rng(arguments.seed))
-    for trial, why in enumerate(learned.spec.explain(tried.signals, tried.lengths)):
+    explained = learned.spec.explain(tried.signals, tried.lengths)
+    for trial, why in enumerate(explained):
         judged = "".join(f"; {name}: {'yes' if values[trial] else 'no'}" for name, values in tried.outcomes.items())
         print(f"trial {trial}: robustness {why.value:+.4f}, {why.verdict}; decided {why.decided_by}{judged}")
     for name, successes in {"success": tried.robustness > 0, **tried.outcomes}.items():
@@ -93,6 +94,10 @@ def _tell(learned: Run, policy: Policy, arguments: Namespace) -> None:
             f"(95 % Wilson interval {low:.2f} to {high:.2f})"
         )
     task = make_task(learned.task)
+    low, middle, high = np.quantile(tried.robustness, [0.05, 0.5, 0.95], method="lower")
+    print(f"robustness: 5 % of the trials up to {low:+.4f}, half up to {middle:+.4f}, 95 % up to {high:+.4f}")
+    for reason in failed(explained):
+        print(f"{reason.count} fail by {reason.told(task.control_timestep)}")
     simulator = simulator_of(task)
     found = measures(task, learned.spec, mean_motion(simulator, policy), simulator.command_range)
     print("the noise-free motion of the mean policy:")
