@@ -143,7 +143,7 @@ def test_load_task_takes_the_page_of_a_robot(tmp_path):
     page.write_text("model: arm.xml\nduration: 0.1\ncontrol_timestep: 0.02\nsignals: {place: qpos.slide}\n")
     commands = np.ones((4, 1))
     assert [step.reward for step in stepped(tltlrl.load_task(page, seed=0), commands)[1:]] == [0.0] * 4
-    (tmp_path / "arm.tltl").write_text("signal place\nspec: F place > 1\n")
+    (tmp_path / "arm.tltl").write_text("signal place\nspec: F[0.08 s, 0.08 s] place > 1\n")
     (*before, last) = stepped(tltlrl.load_task(str(page), seed=0), commands)[1:]
     assert [step.reward for step in before] == [0.0] * 3
     assert last.last()

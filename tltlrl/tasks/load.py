@@ -46,7 +46,7 @@ def load_task(name: str | Path, seed: int | None = None) -> control.Environment:
     if name in FOREIGN:
         raise UserError(f"{name}: its environments step by themselves; load one with {FOREIGN[name]}")
     task = entry.make(config)
-    spec = load_spec(own) if own else None
+    spec = load_spec(own).sampled(task.control_timestep) if own else None
     if spec is not None:
         check_fits(spec, task)
     reward = entry.rewards(entry.reward(), spec.constants)[entry.hand_made[0]] if entry.hand_made and spec else spec
