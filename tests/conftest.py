@@ -6,6 +6,9 @@ from pathlib import Path
 import forked
 import pytest
 from hypothesis import settings
+from sketched.sketch import sketch
+
+from tltlrl.reports import plotting
 
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
@@ -32,3 +35,9 @@ def without_pictures(monkeypatch):
     """Commands of this process draw none: they take most of the time of a small experiment."""
     for place in forked.PICTURES:
         monkeypatch.setattr(place, lambda *_, **__: None)
+
+
+@pytest.fixture
+def with_sketches(monkeypatch):
+    """Pictures of this process are there, but not painted."""
+    monkeypatch.setattr(plotting, "picture", sketch)

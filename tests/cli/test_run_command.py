@@ -2,6 +2,7 @@
 
 import contextlib
 import csv
+import io
 import itertools
 import json
 import os
@@ -54,7 +55,7 @@ def contents(folder, *patterns):
 def undisturbed(tmp_path_factory):
     """The folder of the small experiment, computed in one process."""
     folder = tmp_path_factory.mktemp("undisturbed")
-    code, _, errors = run(folder, *SMALL, "workers=1", first=lambda: None)
+    code, _, errors = run(folder, *SMALL, "workers=1", first=forked.with_sketches)
     assert code == 0, errors
     return folder / "runs" / "small"
 
@@ -63,8 +64,9 @@ def run(folder, *arguments, first=forked.without_pictures):
     if "workers=2" not in arguments:
         return forked.tltl_run(folder, *arguments, first=first)
     done = subprocess.run(
-        [*launcher(), *arguments], cwd=folder, capture_output=True, text=True, timeout=300, check=False
-    )
+        [*launcher(), *arguments], cwd=folder, env=forked.sketched(), capture_output=True, text=True, timeout=300,
+        check=False,
+    )  # fmt: skip
     return done.returncode, done.stdout, done.stderr
 
 
@@ -195,7 +197,8 @@ def test_whoever_stops_reading_the_messages_stops_nothing(tmp_path):
     reading, writing = os.pipe()
     os.close(reading)
     arguments = [*launcher(), *SMALL, "cases=[tltl_episodic]", "workers=1"]
-    assert subprocess.run(arguments, cwd=tmp_path, stderr=writing, timeout=60, check=False).returncode == 0
+    done = subprocess.run(arguments, cwd=tmp_path, env=forked.sketched(), stderr=writing, timeout=60, check=False)
+    assert done.returncode == 0
     os.close(writing)
     assert (tmp_path / "runs/small/summary.csv").exists()
 
@@ -218,7 +221,7 @@ def test_two_workers_write_the_same_bytes(undisturbed, tmp_path):
 def test_the_same_command_again_does_nothing_and_says_so(undisturbed):
     before = contents(undisturbed)
     pictures = {path: path.stat().st_mtime_ns for path in undisturbed.glob("*/workspace.*")}
-    code, _, errors = run(undisturbed.parents[1], *SMALL, "workers=1", first=lambda: None)
+    code, _, errors = run(undisturbed.parents[1], *SMALL, "workers=1", first=forked.with_sketches)
     assert code == 0
     assert "4 of 4 runs were done before and are kept" in errors
     assert contents(undisturbed) == before
@@ -230,7 +233,7 @@ def test_a_picture_that_is_missing_is_drawn_again(undisturbed):
     picture = undisturbed / "tltl_episodic/workspace.pdf"
     before = picture.read_bytes()
     picture.unlink()
-    code, _, errors = run(undisturbed.parents[1], *SMALL, "workers=1", first=lambda: None)
+    code, _, errors = run(undisturbed.parents[1], *SMALL, "workers=1", first=forked.with_sketches)
     assert code == 0, errors
     assert picture.read_bytes() == before
 
@@ -241,6 +244,7 @@ def started(folder, *arguments):
         return subprocess.Popen(
             [*launcher(), *arguments],
             cwd=folder,
+            env=forked.sketched(),
             stderr=file,
             start_new_session=True,
             # A background job's children inherit that Ctrl-C is ignored.
@@ -540,22 +544,19 @@ MISTAKES = {
 def told(tmp_path_factory):
     """What the command says to each mistake, all in one process: (exit code, stdout, stderr, files written)."""
     folder = tmp_path_factory.mktemp("mistakes")
-    code = """
-import contextlib, io, json, os, sys
-from tltlrl.cli.main import run
-results = []
-for arguments in json.loads(sys.stdin.read()):
-    out, err = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        code = run(arguments)
-    results.append((code, out.getvalue(), err.getvalue(), os.listdir()))
-print(json.dumps(results))
-"""
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=folder, input=json.dumps(list(MISTAKES)), capture_output=True, text=True,
-        timeout=300, check=True,
-    )  # fmt: skip
-    return dict(zip(MISTAKES, json.loads(done.stdout), strict=True))
+
+    def tell(_):
+        results = []
+        for arguments in MISTAKES:
+            out, err = io.StringIO(), io.StringIO()
+            with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+                code = cli.run(list(arguments))
+            results.append((code, out.getvalue(), err.getvalue(), os.listdir()))
+        print(json.dumps(results))
+
+    code, printed, errors = forked.run("tltl-run", tell, folder)
+    assert code == 0, errors
+    return dict(zip(MISTAKES, json.loads(printed), strict=True))
 
 
 @pytest.mark.parametrize("arguments", MISTAKES, ids=" ".join)

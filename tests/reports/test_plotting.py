@@ -17,17 +17,17 @@ def curves(seeds=4, cases=tuple(LABELS)):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("seeds", [1, 2, 4])
-@pytest.mark.parametrize("panels", [1, 2])
-def test_figures_are_written_and_the_same_to_the_byte(tmp_path, seeds, panels):
+@pytest.mark.parametrize(("panels", "seeds"), [(1, 1), (2, 6)])  # with six there is a band, too
+def test_figures_are_written_and_the_same_to_the_byte(tmp_path, panels, seeds):
     for name in ("a", "b"):
         plot_learning_curves({str(i): curves(seeds) for i in range(panels)}, tmp_path / name)
-    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
-    assert (tmp_path / "a.pdf").stat().st_size > 1000
+    for suffix in (".png", ".pdf"):
+        assert (tmp_path / f"a{suffix}").stat().st_size > 1000
+        assert (tmp_path / f"a{suffix}").read_bytes() == (tmp_path / f"b{suffix}").read_bytes()
 
 
 def test_infinite_robustness_does_not_break_the_figure(tmp_path):
-    frame = curves()
+    frame = curves(cases=["tltl_episodic"])
     frame.loc[3, "robustness_mean"] = -np.inf
     plot_learning_curves({"a": frame}, tmp_path / "a")
 

@@ -40,8 +40,12 @@ def test_a_task_needs_no_signal_of_a_certain_name(tmp_path, task):
     task.signals = lambda features, _: {"turn": features[..., 0]}
     run = run_of("signal turn\nspec: G turn > 0", task)
     assert workspace.can_draw(run)
-    workspace.draw_workspace(run, POLICY, tmp_path / "workspace", count=2)
-    assert {path.suffix for path in tmp_path.iterdir()} == {".png", ".pdf"}
+    pictures = []
+    for name in ("first", "again"):
+        workspace.draw_workspace(run, POLICY, tmp_path / name / "workspace", count=2)
+        pictures.append({path.suffix: path.read_bytes() for path in (tmp_path / name).iterdir()})
+    assert pictures[0].keys() == {".png", ".pdf"}
+    assert pictures[0] == pictures[1]
 
 
 def test_of_a_point_in_space_there_are_two_views(task):

@@ -32,7 +32,7 @@ def tltl_run(folder, workers, who=None, moment=None, number=0):
     arguments = [*SETTINGS, f"workers={workers}"]
     if workers == 1:
         code, _, errors = forked.tltl_run(
-            folder, *arguments, first=lambda: killed.install(**conditions, role="command")
+            folder, *arguments, first=lambda: (killed.install(**conditions, role="command"), drawing())
         )
     else:
         code, errors = spawned(folder, conditions, arguments)
@@ -40,10 +40,17 @@ def tltl_run(folder, workers, who=None, moment=None, number=0):
     return code, errors, moments, (notes / "killed").exists()
 
 
+def drawing():
+    """Of how files are written, painting is no part; at large the pictures are real."""
+    if not KILLS:
+        forked.with_sketches()
+
+
 def spawned(folder, conditions, arguments):
+    environment = os.environ if KILLS else forked.sketched()
     done = subprocess.run(
         [sys.executable, Path(__file__).with_name("killed.py"), *arguments],
-        cwd=folder, env=os.environ | {"TLTL_KILLED": json.dumps(conditions)}, capture_output=True, text=True,
+        cwd=folder, env=environment | {"TLTL_KILLED": json.dumps(conditions)}, capture_output=True, text=True,
         timeout=120, check=False,
     )  # fmt: skip
     return done.returncode, done.stderr
