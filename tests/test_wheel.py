@@ -27,11 +27,11 @@ def installed(tmp_path_factory):
     return folder / "site"
 
 
-def python(code, site, folder):
+def python(code, site, folder, *more):
     return subprocess.run(
         [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(site)!r}); {code}"],
         cwd=folder,
-        env=os.environ | {"PYTHONPATH": str(site)},
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(map(str, (site, *more)))},
         capture_output=True,
         text=True,
         timeout=300,
@@ -56,7 +56,7 @@ def test_an_experiment_runs_from_another_folder(installed, tmp_path):
         "sys.exit(run(['experiment=reach_avoid', 'seeds=1', 'cases=[tltl_episodic]', 'workers=1', 'trials=2', "
         "'algorithm.iterations=1', 'task.steps=10']))"
     )
-    done = python(code, installed, tmp_path)
+    done = python(code, installed, tmp_path, Path(__file__).with_name("sketched"))
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "runs/reach_avoid/summary.csv").exists()
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from sketched.sketch import sketch
 
 from tltlrl.cli import main as cli
 from tltlrl.cli.evaluate import check_command
@@ -18,6 +19,7 @@ from tltlrl.config.compose import compose
 from tltlrl.config.read import read
 from tltlrl.experiments.experiment import run_experiment
 from tltlrl.logic import load_spec
+from tltlrl.reports import plotting
 from tltlrl.resources import SPECS
 
 RUN = "tltl_episodic/seed_0"
@@ -28,7 +30,9 @@ def experiment(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs")
     overrides = ["experiment=reach_avoid", "seeds=2", "cases=[tltl_episodic,continuous_step]", "trials=2", "workers=1"]
     settings = compose([*overrides, "task.steps=12", "algorithm.iterations=2", f"runs_dir={folder}"])
-    assert run_experiment(*read(settings), ["test"])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plotting, "picture", sketch)
+        assert run_experiment(*read(settings), ["test"])
     return folder / "reach_avoid"
 
 
@@ -157,6 +161,7 @@ def test_a_trace_is_checked_with_the_constants_that_were_learned_with(tmp_path):
     assert check_command(other, Path("m.csv")) == f"tltl check '{path}' m.csv --set a=3.0 --set 'b.r=[4.0, 5.0]'"
 
 
+@pytest.mark.usefixtures("with_sketches")
 @pytest.mark.parametrize("suffix", [".png", ".pdf", ".PNG"])
 def test_a_suffix_is_not_doubled_and_said_as_it_is(experiment, tmp_path, capsys, suffix):
     code, output, _ = tltl(capsys, "plot", "--output", tmp_path / f"fig_3.3{suffix}", experiment)

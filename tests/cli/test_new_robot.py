@@ -44,6 +44,7 @@ def tltl(*arguments):
     return ended.value.code
 
 
+@pytest.mark.usefixtures("with_sketches")
 def test_from_a_model_to_trials(here, capsys):
     assert tltl("new", "arm.xml") == 0
     said = capsys.readouterr().out

@@ -41,7 +41,9 @@ def python(tmp_path_factory):
 def tltl_run(python, *overrides):
     """The exit code and the messages of `tltl-run task=two_link`, in a process that has the example on its path."""
     installed = functools.partial(sys.path.insert, 0, str(python.site))
-    code, _, errors = forked.tltl_run(python.folder, "task=two_link", *overrides, first=installed)
+    code, _, errors = forked.tltl_run(
+        python.folder, "task=two_link", *overrides, first=lambda: (installed(), forked.with_sketches())
+    )
     return code, errors
 
 

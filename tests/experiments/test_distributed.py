@@ -31,17 +31,18 @@ SETTINGS = (
 
 
 def tltl_run(folder, *arguments):
-    code, _, errors = forked.tltl_run(folder, *arguments)
+    code, _, errors = forked.tltl_run(folder, *arguments, first=forked.without_pictures)
     assert code == 0, errors
     files = sorted(folder.glob("runs/small/**/progress.csv")) + sorted(folder.glob("runs/small/**/policy.npz"))
     return {str(path.relative_to(folder)): path.read_bytes() for path in [*files, folder / "runs/small/summary.csv"]}
 
 
-@pytest.fixture
-def cluster(tmp_path):
-    """Address of a scheduler with two worker processes, and the processes."""
-    address = tmp_path / "address.json"
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": tmp_path}
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory):
+    """Address of a scheduler with two worker processes, and the processes; one test leaves only the second worker."""
+    folder = tmp_path_factory.mktemp("cluster")
+    address = folder / "address.json"
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": folder}
     dask = [str(Path(sys.executable).with_name("dask"))]
     options = ["--scheduler-file", str(address), "--no-dashboard"]
     scheduler = subprocess.Popen([*dask, "scheduler", "--port", "0", "--host", "127.0.0.1", *options], **quiet)
@@ -141,7 +142,7 @@ def test_hydras_submitit_launcher_gives_each_combination_a_process_and_its_failu
     done = subprocess.run(
         [sys.executable, "-c", "import sys; from tltlrl.cli.main import run; sys.exit(run(sys.argv[1:]))", "-m",
          "hydra/launcher=submitit_local", *small, f"constants.low={lows}", "algorithm.epsilon=0.5"],
-        cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False,
+        cwd=tmp_path, env=forked.sketched(), capture_output=True, text=True, timeout=120, check=False,
     )  # fmt: skip
     assert done.returncode == code, done.stderr
     assert "Traceback" not in done.stderr
@@ -164,8 +165,9 @@ def test_the_clusters_pages_commands(tmp_path):
     command = block.replace("tltl-run experiment=reach_avoid", f"tltl-run experiment=reach_avoid {small}")
     script = f"set -e\ntrap 'kill $(jobs -p)' EXIT\n{command}"
     done = subprocess.run(
-        ["bash", "-c", script], cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False
-    )
+        ["bash", "-c", script], cwd=tmp_path, env=forked.sketched(), capture_output=True, text=True, timeout=120,
+        check=False,
+    )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "runs/small/summary.csv").exists()
     sbatch = page.split("```sbatch\n")[1].split("```")[0]

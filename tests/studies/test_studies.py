@@ -94,7 +94,9 @@ def test_grid_search_gives_one_row_per_point_and_seed():
     assert results["robustness_policy"].nunique() == 4
 
 
-def test_grid_search_of_the_toast_task_is_in_mujoco_and_episode_based(tmp_path):
+def test_grid_search_of_the_toast_task_is_in_mujoco_and_episode_based(tmp_path, monkeypatch):
+    assert not set(grid_search.MORE_SEEDS) & set(grid_search.SEEDS)
+    monkeypatch.setattr(grid_search, "MORE_SEEDS", grid_search.MORE_SEEDS[:2])
     grid_search.main(["toast", "--iterations", "1", "--seeds", "100", "--finalists", "1", "--output", str(tmp_path)])
     results = pd.read_csv(tmp_path / "grid_search_toast.csv")
     assert set(results["physics"]) == {"mujoco"}
@@ -102,6 +104,7 @@ def test_grid_search_of_the_toast_task_is_in_mujoco_and_episode_based(tmp_path):
     first, again = results[results["seed"] == 100], results[results["seed"] != 100]
     assert len(first[["c2", "c3"]].drop_duplicates()) == len(first) == 36
     assert set(again["seed"]) == set(grid_search.MORE_SEEDS)
+    assert len(again) == 2
     assert len(again[["c2", "c3"]].drop_duplicates()) == 1
 
 
