@@ -210,7 +210,7 @@ def table(results: pd.DataFrame) -> str:
 def overview(results: pd.DataFrame) -> str:
     """One markdown line per setting, one column per task and case: seeds satisfied, median final robustness."""
     chosen = results[results["seed"] < OVERVIEW_SEEDS]
-    columns = list(chosen.groupby(["task", "case"], sort=False).groups)
+    columns = list(dict.fromkeys(zip(chosen["task"], chosen["case"], strict=True)))  # in the order of the file
     lines = ["| setting | " + " | ".join(f"{task} {case}" for task, case in columns) + " |"]
     lines += ["|---" * (len(columns) + 1) + "|"]
     for setting, part in chosen.groupby(KEYS[3:-1], sort=False, dropna=False):

@@ -5,7 +5,7 @@ A motion is given by the speeds of its joints at T steps; it begins and ends at 
 
 - smooth: waves of the joint path that are shorter than some width are removed;
 - through: a point of the joint path, or one near it, is passed at some speed, and the way to and from it is smooth;
-- shift: the middle of the piece happens earlier or later, and the rest of the piece faster or slower;
+- shift: the middle of the piece happens earlier or later, and the rest of it faster or slower, and smooth;
 - rest: the robot stops, and stays at rest to the end.
 
 Speeds are shares of full speed, so that no joint outweighs another.
@@ -101,13 +101,13 @@ def _shortcut(speeds: Array, about: int, straightness: float, rng: np.random.Gen
         piece = speeds[first:end]
         before, after = speeds[first - 1] if first else rest, speeds[end] if end < steps else rest
         kind = rng.integers(3)
+        width = 2.0 * (5 * length) ** rng.random()  # from two steps to far beyond the piece: a cubic
         if kind == 0:
-            width = 2.0 * (5 * length) ** rng.random()  # from two steps to far beyond the piece: a cubic
             changed[first:end] = smoothed(piece, before, after, width)
         elif kind == 1:
             changed[first:end] = _through(piece, before, after, min(about, end) - first, rng)
         else:
-            changed[first:end] = _shift(piece, rng)
+            changed[first:end] = _shift(piece, before, after, width, rng)
     difference = changed - speeds
     if rng.random() < PART:
         difference *= rng.random()
@@ -130,13 +130,15 @@ def _through(piece: Array, before: Array, after: Array, at: int, rng: np.random.
     return np.concatenate([smoothed(to, before, speed, width), smoothed(on, speed, after, width)])
 
 
-def _shift(piece: Array, rng: np.random.Generator) -> Array:
-    """The piece with its middle earlier or later."""
-    if len(piece) < 2:
+def _shift(piece: Array, before: Array, after: Array, width: float, rng: np.random.Generator) -> Array:
+    """The piece with its middle earlier or later, and what lies before and after it faster or slower."""
+    if len(piece) < 3:
         return piece
-    a, b = sorted(rng.integers(1, len(piece), 2))
+    a, b = sorted(1 + rng.choice(len(piece) - 1, 2, replace=False))
     later = int(rng.integers(-(a // 2), (len(piece) - b) // 2 + 1))
-    return np.concatenate([stretched(piece[:a], a + later), piece[a:b], stretched(piece[b:], len(piece) - b - later)])
+    to, middle, on = stretched(piece[:a], a + later), piece[a:b], stretched(piece[b:], len(piece) - b - later)
+    # Smooth, since the speed would jump at both ends of the middle otherwise.
+    return np.concatenate([smoothed(to, before, middle[0], width), middle, smoothed(on, middle[-1], after, width)])
 
 
 def stretched(speeds: Array, steps: int) -> Array:
