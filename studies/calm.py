@@ -43,7 +43,9 @@ def rows_of(folder: Path, batches: int, share: float, trials: int) -> list[dict[
     learned = judge(run, setup, policy)
     rows = [row("learned", learned, batches=0, episodes=0)]
     if learned["satisfied"]:
-        *_, calm = simplified(run, setup, policy, learned["robustness_policy"], share, batches, begin(setup, policy))
+        *_, calm = simplified(
+            run, setup, policy, learned["robustness_policy"], share, batches, begin(run, setup, policy)
+        )
         found = judge(run, setup, calm_policy(policy, calm))
         rows.append(row("calm", found, batches=calm.batches, episodes=calm.episodes))
     return rows

@@ -10,12 +10,13 @@ u_t + K (s'_t - s_t) makes the same motion for any gain K. So this works for eve
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tltlrl.learning.policy import Policy
+from tltlrl.logic import Spec
 from tltlrl.simulation.rollout import Trajectories
 from tltlrl.simulation.trials import mean_motion
 from tltlrl.tasks.task import Task
@@ -38,20 +39,30 @@ class Calm:
     Attributes:
       commands: commands of the motion, within the actuators' limits, shape (T, d).
       offsets: k_t of the policy that follows the motion, shape (T, d).
+      events: steps of the motion at which a predicate of the spec becomes true or false, rising, shape (e,).
       batches, episodes, env_steps: batches done, and trajectories and samples simulated for them.
     """
 
     commands: Array
     offsets: Array
+    events: NDArray[np.int64]
     batches: int
     episodes: int
     env_steps: int
 
 
-def begin(setup: Setup, policy: Policy) -> Calm:
+def begin(run: Run, setup: Setup, policy: Policy) -> Calm:
     """The state before the first batch: the learned mean motion, with commands cut to the actuators' limits."""
-    commands = np.clip(mean_motion(setup.simulator, policy).commands[0], *setup.simulator.command_range)
-    return Calm(commands, policy.mean, 0, 0, 0)
+    motion = mean_motion(setup.simulator, policy)
+    commands = np.clip(motion.commands[0], *setup.simulator.command_range)
+    return Calm(commands, policy.mean, events(run.spec, setup.task, motion), 0, 0, 0)
+
+
+def events(spec: Spec, task: Task, motion: Trajectories) -> NDArray[np.int64]:
+    """The steps at which a predicate of the spec becomes true or false on a single trajectory, rising, shape (e,)."""
+    margins = spec.predicates_over_time(task.signals(motion.features, motion.commands), motion.lengths)
+    changes = [np.diff(margin[0, : motion.lengths[0]] > 0) for margin in margins.values()]
+    return 1 + np.flatnonzero(np.any(changes, axis=0))
 
 
 def floor(learned: float, share: float, batch: int, batches: int) -> float:
@@ -80,7 +91,7 @@ def calmer(run: Run, setup: Setup, policy: Policy, calm: Calm, least: float) -> 
     scale = setup.task.command_scale[joints]
     now = calm.commands[:, joints] / scale
     low, high = (limit[joints] / scale for limit in setup.simulator.command_range)
-    proposals = shortcuts(now, low, high, SPEED, PROPOSALS, rng)
+    proposals = shortcuts(now, calm.events.tolist(), low, high, SPEED, PROPOSALS, rng)
     simulated: list[Trajectories] = []
 
     def commands(of_joints: Array) -> Array:
@@ -107,11 +118,16 @@ def calmer(run: Run, setup: Setup, policy: Policy, calm: Calm, least: float) -> 
             noise[0] = 0
             _, robustness = rollout(policy.gain, np.broadcast_to(offsets, noise.shape), noise)
             if robustness[0] >= least and robustness.min() > 0:
-                kept = Calm(sent[0], offsets, 0, 0, 0)
+                kept = Calm(sent[0], offsets, events(run.spec, setup.task, motion), 0, 0, 0)
                 break
     episodes = sum(len(motion.lengths) for motion in simulated)
     env_steps = sum(int(motion.lengths.sum()) for motion in simulated)
-    return Calm(kept.commands, kept.offsets, calm.batches + 1, calm.episodes + episodes, calm.env_steps + env_steps)
+    return replace(
+        kept,
+        batches=calm.batches + 1,
+        episodes=calm.episodes + episodes,
+        env_steps=calm.env_steps + env_steps,
+    )
 
 
 def simplified(

@@ -192,7 +192,7 @@ def _simplify(
 ) -> Calm:
     """Makes the mean motion of a learned policy calm, from where an earlier session stopped; returns its last state."""
     identity = run.identity() + digest(policy.mean.tobytes())
-    start = calm = begin(setup, policy)
+    start = calm = begin(run, setup, policy)
     saved = read_calm_checkpoint(folder, identity)
     if saved is not None:
         with contextlib.suppress(DamagedError):

@@ -8,11 +8,15 @@ A motion is given by the speeds of its joints at T steps; it begins and ends at 
 - shift: the middle of the piece happens earlier or later, and the rest of it faster or slower, and smooth;
 - rest: the robot stops, and stays at rest to the end.
 
+Half of the pieces lie anywhere. The others know the events of the motion, that is the steps at which a predicate of the
+spec becomes true or false: what lies between two events becomes smooth, or an event is shifted between its neighbours.
+
 Speeds are shares of full speed, so that no joint outweighs another.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +30,8 @@ SHORTEST = 4  # steps of a piece
 LONGEST_FADE = 12  # most steps to come to rest
 REST = 0.4  # share of the last pieces that come to rest
 PART, ONE_JOINT = 0.3, 0.3  # shares of the shortcuts that are applied only in part, and only to one joint
+NEAR = 4  # steps: events that are nearer are one event, and the pieces beside an event begin or end so near to it
+MIDDLE = 8  # most steps before and after an event that are shifted with it
 
 
 @dataclass(frozen=True)
@@ -60,12 +66,19 @@ def _costs(speeds: Array, straightness: float) -> Array:
 
 
 def shortcuts(
-    speeds: Array, low: Array, high: Array, straightness: float, count: int, rng: np.random.Generator
+    speeds: Array,
+    events: Sequence[int],
+    low: Array,
+    high: Array,
+    straightness: float,
+    count: int,
+    rng: np.random.Generator,
 ) -> list[Shortcut]:
     """At most `count` shortcuts that cost less than the motion and stay within its limits.
 
     Args:
       speeds: shape (T, j).
+      events: steps at which a predicate becomes true or false, rising.
       low, high: limits of the speeds, shapes (j,); infinite where there are none.
       straightness: see `cost`.
       count: how many are wanted.
@@ -78,7 +91,7 @@ def shortcuts(
     chances = 0.5 * costs / costs.sum() + 0.5 / len(costs)
     found: list[Shortcut] = []
     for about in rng.choice(len(speeds), TRIES * count, p=chances):
-        shortcut = _shortcut(speeds, about, straightness, rng)
+        shortcut = _shortcut(speeds, about, spans(events, len(speeds)), straightness, rng)
         within = np.all((shortcut.speeds >= low) & (shortcut.speeds <= high))
         if within and shortcut.cost < before:
             found.append(shortcut)
@@ -87,34 +100,91 @@ def shortcuts(
     return found
 
 
-def _shortcut(speeds: Array, about: int, straightness: float, rng: np.random.Generator) -> Shortcut:
-    """One shortcut of any kind, of a piece that contains the step `about`."""
-    steps, joints = speeds.shape
+def _shortcut(
+    speeds: Array, about: int, events: list[tuple[int, int]], straightness: float, rng: np.random.Generator
+) -> Shortcut:
+    """One shortcut of any kind: beside an event, or of a piece that contains the step `about`."""
+    beside = _beside_an_event(speeds, events, rng) if rng.random() < 0.5 else None
+    first, piece = beside or _anywhere(speeds, about, rng)
+    end = first + len(piece)
+    difference = np.zeros_like(speeds)
+    difference[first:end] = piece - speeds[first:end]
+    if rng.random() < PART:
+        difference *= rng.random()
+    if rng.random() < ONE_JOINT:
+        difference *= np.arange(speeds.shape[1]) == rng.integers(speeds.shape[1])
+    changed = speeds + difference
+    return Shortcut(first, end, changed, cost(changed, straightness))
+
+
+def _anywhere(speeds: Array, about: int, rng: np.random.Generator) -> tuple[int, Array]:
+    """A changed piece that contains a step: its first step and its new speeds."""
+    steps = len(speeds)
     length = int(SHORTEST * (steps / SHORTEST) ** rng.random())
     first = about - int(rng.integers(length + 1))
     first, end = max(first, 0), min(first + length, steps)
     if end == steps and rng.random() < REST:
-        changed = at_rest_from(speeds, first, int(rng.integers(LONGEST_FADE)))
-    else:
-        changed = speeds.copy()
-        rest = np.zeros(joints)
-        piece = speeds[first:end]
-        before, after = speeds[first - 1] if first else rest, speeds[end] if end < steps else rest
-        kind = rng.integers(3)
-        width = 2.0 * (5 * length) ** rng.random()  # from two steps to far beyond the piece: a cubic
-        if kind == 0:
-            changed[first:end] = smoothed(piece, before, after, width)
-        elif kind == 1:
-            changed[first:end] = _through(piece, before, after, min(about, end) - first, rng)
-        else:
-            changed[first:end] = _shift(piece, before, after, width, rng)
-    difference = changed - speeds
-    if rng.random() < PART:
-        difference *= rng.random()
-    if rng.random() < ONE_JOINT:
-        difference *= np.arange(joints) == rng.integers(joints)
-    changed = speeds + difference
-    return Shortcut(first, end, changed, cost(changed, straightness))
+        return first, at_rest_from(speeds, first, int(rng.integers(LONGEST_FADE)))[first:]
+    piece, (before, after) = speeds[first:end], _ends(speeds, first, end)
+    kind = rng.integers(3)
+    if kind == 0:
+        return first, smoothed(piece, before, after, _width(length, rng))
+    if kind == 1:
+        return first, _through(piece, before, after, min(about, end) - first, rng)
+    if len(piece) < 3:
+        return first, piece
+    a, b = sorted(1 + rng.choice(len(piece) - 1, 2, replace=False))
+    return first, _shift(piece, before, after, a, b, rng)
+
+
+def spans(events: Sequence[int], steps: int) -> list[tuple[int, int]]:
+    """First and last step of each event, with those that are near each other as one, between start and end.
+
+    Args:
+      events: steps, rising.
+      steps: of the motion.
+    """
+    found = [(-1, -1)]
+    for step in events:
+        near = len(found) > 1 and step - found[-1][1] < NEAR
+        found = [*found[:-1], (found[-1][0], step)] if near else [*found, (step, step)]
+    return [*found, (steps, steps)]
+
+
+def _beside_an_event(
+    speeds: Array, events: list[tuple[int, int]], rng: np.random.Generator
+) -> tuple[int, Array] | None:
+    """A changed piece between two events, or with an event in its middle; None if it is too short.
+
+    Args:
+      speeds: shape (T, j).
+      events: from `spans`.
+      rng: source of all choices.
+    """
+    around = len(events) > 2 and rng.random() < 0.5
+    left = int(rng.integers(len(events) - 1 - around))
+    first = max(events[left][1] + int(rng.integers(NEAR)), 0)
+    end = min(events[left + 1 + around][0] - int(rng.integers(NEAR)), len(speeds))
+    if end - first < SHORTEST:
+        return None
+    piece, (before, after) = speeds[first:end], _ends(speeds, first, end)
+    if not around:
+        return first, smoothed(piece, before, after, _width(len(piece), rng))
+    a, b = events[left + 1] + rng.integers(1, MIDDLE + 1, 2) * (-1, 1) - first
+    if a < 1 or b >= len(piece):
+        return None
+    return first, _shift(piece, before, after, a, b, rng)
+
+
+def _ends(speeds: Array, first: int, end: int) -> tuple[Array, Array]:
+    """The speeds before and after a piece; the motion begins and ends at rest."""
+    rest = np.zeros(speeds.shape[1])
+    return speeds[first - 1] if first else rest, speeds[end] if end < len(speeds) else rest
+
+
+def _width(length: int, rng: np.random.Generator) -> float:
+    """The width of a smoothing, steps: from two steps to far beyond the piece, where it becomes a cubic."""
+    return float(2.0 * (5 * length) ** rng.random())
 
 
 def _through(piece: Array, before: Array, after: Array, at: int, rng: np.random.Generator) -> Array:
@@ -130,14 +200,12 @@ def _through(piece: Array, before: Array, after: Array, at: int, rng: np.random.
     return np.concatenate([smoothed(to, before, speed, width), smoothed(on, speed, after, width)])
 
 
-def _shift(piece: Array, before: Array, after: Array, width: float, rng: np.random.Generator) -> Array:
-    """The piece with its middle earlier or later, and what lies before and after it faster or slower."""
-    if len(piece) < 3:
-        return piece
-    a, b = sorted(1 + rng.choice(len(piece) - 1, 2, replace=False))
-    later = int(rng.integers(-(a // 2), (len(piece) - b) // 2 + 1))
+def _shift(piece: Array, before: Array, after: Array, a: int, b: int, rng: np.random.Generator) -> Array:
+    """The piece with its middle [a, b) earlier or later, half of the time by a few steps only."""
+    most = MIDDLE if rng.random() < 0.5 else len(piece)
+    later = int(rng.integers(-min(a // 2, most), min((len(piece) - b) // 2, most) + 1))
     to, middle, on = stretched(piece[:a], a + later), piece[a:b], stretched(piece[b:], len(piece) - b - later)
-    # Smooth, since the speed would jump at both ends of the middle otherwise.
+    width = _width(len(piece), rng)  # smooth, since the speed would jump at both ends of the middle otherwise
     return np.concatenate([smoothed(to, before, middle[0], width), middle, smoothed(on, middle[-1], after, width)])
 
 
