@@ -18,7 +18,7 @@ def test_the_floor_sinks_to_the_share_and_stays_there():
 
 def test_events_are_where_a_predicate_becomes_true_or_false():
     spec = parse_spec("signal x\nspec: F x > 1 & G x > -9 & F x < 0")
-    task = SimpleNamespace(signals=lambda features, commands: {"x": features[..., 0]})
+    task = SimpleNamespace(signals=lambda features, _: {"x": features[..., 0]})
     x = np.array([0.5, 2, 2, 0.5, 0.5, -1, 5, 5])
     motion = SimpleNamespace(
         features=x[None, :, None], commands=None, lengths=np.array([6])

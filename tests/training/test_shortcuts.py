@@ -56,7 +56,7 @@ def test_events_that_are_near_are_one():
 
 
 def test_shortcuts_beside_an_event_leave_it_whole_or_shift_it():
-    """A short peak of speed costs most, so shortcuts that do not know of it (no events: 0.27 whole, 3 places) break it."""
+    """A short peak of speed costs most; shortcuts that do not know of it (no events: 0.27 whole, 3 places) break it."""
     speeds = np.concatenate([motion(1, 40) / 9, np.full((2, 2), 0.9), motion(2, 40) / 9])
     found = shortcuts(speeds, [40, 42], -np.ones(2), np.ones(2), 0.01, 200, np.random.default_rng(0))
     peaks = [np.flatnonzero(np.all(np.abs(shortcut.speeds - 0.9) < 1e-9, axis=1)) for shortcut in found]
