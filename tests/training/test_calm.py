@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tltlrl.logic import parse_spec
-from tltlrl.training.calm import events, floor
+from tltlrl.training.calm import events, floor, straightness
 
 
 def test_the_floor_sinks_to_the_share_and_stays_there():
@@ -14,6 +14,14 @@ def test_the_floor_sinks_to_the_share_and_stays_there():
     assert np.all(np.diff(floors[:7]) < 0)
     assert floors[6:] == pytest.approx([0.35] * 4)
     assert floors[0] < 0.5
+
+
+def test_the_path_is_made_short_before_it_is_made_even():
+    weights = [straightness(batch, 10) for batch in range(10)]
+    assert np.all(np.diff(weights[:8]) < 0)
+    np.testing.assert_allclose(np.diff(np.log(weights[:7])), np.log(weights[1] / weights[0]))
+    assert weights[0] == 1
+    assert weights[7:] == pytest.approx([0.06] * 3)
 
 
 def test_events_are_where_a_predicate_becomes_true_or_false():

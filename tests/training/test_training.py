@@ -333,9 +333,9 @@ def test_leximin_is_told_to_the_learner_alone(cases):
     setup, policy, _, signals = by_hand(told)
     record = iterate(told, setup, setup.learner.start(policy), 0).record
     exact = iterate(cases["tltl_episodic"], setup, setup.learner.start(policy), 0).record
-    clauses = np.stack(list(told.spec.clauses(signals).values()), axis=1)
-    np.testing.assert_array_equal(clauses.min(axis=1), told.spec.robustness(signals))
-    np.testing.assert_allclose(record["return_mean"], leximin(clauses).mean(), atol=1e-12)
+    conjuncts = told.spec.conjuncts(signals)
+    np.testing.assert_array_equal(conjuncts.min(axis=1), told.spec.robustness(signals))
+    np.testing.assert_allclose(record["return_mean"], leximin(conjuncts).mean(), atol=1e-12)
     for name in ("robustness_mean", "robustness_policy", "satisfied_fraction"):
         assert record[name] == exact[name]
 
@@ -399,10 +399,10 @@ def test_a_learned_motion_is_made_calm_and_stopped_on_the_way_comes_to_the_same_
 
     monkeypatch.setattr(session, "CHECKPOINT_SECONDS", 0.0)
 
-    def stop_in_the_third(run, setup, policy, calm, floor):
+    def stop_in_the_third(run, setup, policy, calm, least, straight):
         if calm.batches == 2:
             raise Stop
-        return calmer(run, setup, policy, calm, floor)
+        return calmer(run, setup, policy, calm, least, straight)
 
     monkeypatch.setattr(calm_module, "calmer", stop_in_the_third)
     with pytest.raises(Stop):
@@ -410,9 +410,9 @@ def test_a_learned_motion_is_made_calm_and_stopped_on_the_way_comes_to_the_same_
     assert not (tmp_path / "stopped" / "done.json").exists()
     begun = []
 
-    def noted(run, setup, policy, calm, floor):
+    def noted(run, setup, policy, calm, least, straight):
         begun.append(calm.batches)
-        return calmer(run, setup, policy, calm, floor)
+        return calmer(run, setup, policy, calm, least, straight)
 
     monkeypatch.setattr(calm_module, "calmer", noted)
     train(run, tmp_path / "stopped", lambda _: None)

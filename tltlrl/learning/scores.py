@@ -1,15 +1,15 @@
 """What a learner is told of trajectories: their returns and, where known, the rewards of their steps.
 
-The published return of a trajectory is the robustness of the spec, which is the value of its worst clause. The other
-clauses change nothing in it. The leximin surrogate counts them too. It sorts the clauses' values from the worst,
+The published return of a trajectory is the robustness of the spec, which is the value of its worst conjunct. The other
+conjuncts change nothing in it. The leximin surrogate counts them too. It sorts their values from the worst,
 c_(0) <= c_(1) <= ..., and weighs them by powers of a half,
 
     L = sum_k 2^-k c_(k)
 
 It is a continuous surrogate of the leximin order, not that order itself, and its sign does not say whether the spec is
-satisfied. So a learner may follow it, but nothing is judged by it. The value of a clause is +inf where no sample
-decides it, such as G over a window that a trajectory cut short never reaches. Such a clause counts as much as the best
-of the other clauses, so that a trajectory gains nothing by it.
+satisfied. So a learner may follow it, but nothing is judged by it. The value of a conjunct is +inf where no sample
+decides it, such as G over a window that a trajectory cut short never reaches. Such a conjunct counts as much as the
+best of the others, so that a trajectory gains nothing by it.
 """
 
 from __future__ import annotations
@@ -36,15 +36,15 @@ class Scores:
     rewards: Array | None = None
 
 
-def leximin(clauses: Array) -> Array:
+def leximin(conjuncts: Array) -> Array:
     """The leximin surrogate L of each trajectory, shape (N,).
 
     Args:
-      clauses: robustness of every top-level clause of the spec, shape (N, C), in the predicates' unit; L is -inf where
+      conjuncts: robustness of every conjunct of the spec, shape (N, C), in the predicates' unit; L is -inf where
         one of them is, and +inf where all are +inf.
     """
-    decided = clauses < np.inf
-    best = np.max(clauses, axis=1, keepdims=True, where=decided, initial=-np.inf)
-    clauses = np.where(decided | ~decided.any(axis=1, keepdims=True), clauses, best)
-    in_order = np.ascontiguousarray(np.sort(clauses, axis=1))  # otherwise the last digit depends on the memory layout
-    return np.asarray(in_order @ 0.5 ** np.arange(clauses.shape[1]))
+    decided = conjuncts < np.inf
+    best = np.max(conjuncts, axis=1, keepdims=True, where=decided, initial=-np.inf)
+    values = np.where(decided | ~decided.any(axis=1, keepdims=True), conjuncts, best)
+    in_order = np.ascontiguousarray(np.sort(values, axis=1))  # otherwise the last digit depends on the memory layout
+    return np.asarray(in_order @ 0.5 ** np.arange(values.shape[1]))

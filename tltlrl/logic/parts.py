@@ -20,6 +20,7 @@ class Parts:
 
     Attributes:
       clauses: text of each top-level clause => its robustness on the whole trajectory, (N,).
+      conjuncts: robustness of each conjunct, (N, C); see `conjuncts_of`.
       highest, lowest: name of each sub-formula => its largest and its smallest value over the samples, (N,). If the
         largest is above 0, it holds at some sample; if the smallest is, at all.
       clause: index of the first clause whose value is the robustness, (N,).
@@ -27,6 +28,7 @@ class Parts:
     """
 
     clauses: Mapping[str, Array]
+    conjuncts: Array
     highest: Mapping[str, Array]
     lowest: Mapping[str, Array]
     clause: NDArray[np.intp]
@@ -41,12 +43,32 @@ def clauses_of(meaning: Meaning) -> dict[str, Truth]:
     return {str(operand): part for operand, part in zip(written.operands, formula.parts, strict=True)}
 
 
-def parts(meaning: Meaning, values: Mapping[int, Array], lengths: NDArray[np.intp]) -> Parts:
+def conjuncts_of(meaning: Meaning) -> tuple[int, ...]:
+    """The nodes of the parts whose minimum the formula is: its clauses, and what is in them under `all`, & and G.
+
+    G (a & b) is G a & G b (for robustness, too), so the members of a family under G are conjuncts of their own. Nodes
+    that the formula does not have are added to the graph.
+    """
+
+    def within(truth: Truth) -> list[int]:
+        if truth.operation == "minimum":
+            return [node for part in truth.parts for node in within(part)]
+        if truth.operation == "always" and len(truth.parts) == 1:
+            return [meaning.graph.add("always", node, data=truth.data) for node in within(truth.parts[0])]
+        return [truth.node]
+
+    return tuple(dict.fromkeys(within(meaning.formula)))
+
+
+def parts(
+    meaning: Meaning, conjuncts: tuple[int, ...], values: Mapping[int, Array], lengths: NDArray[np.intp]
+) -> Parts:
     """Computes the values of a formula's parts on N trajectories.
 
     Args:
       meaning: the spec's meaning.
-      values: values of the formula, all below it and the named sub-formulas, node => (N, T).
+      conjuncts: from `conjuncts_of`.
+      values: values of the formula, all below it, the named sub-formulas and the conjuncts, node => (N, T).
       lengths: samples of each trajectory that count, (N,).
     """
     clauses = {text: values[clause.node][:, 0] for text, clause in clauses_of(meaning).items()}
@@ -59,6 +81,7 @@ def parts(meaning: Meaning, values: Mapping[int, Array], lengths: NDArray[np.int
         deciding[row] = -1 if name is None else number[name]
     return Parts(
         clauses,
+        np.stack([values[node][:, 0] for node in conjuncts], axis=1),
         {name: np.where(counts, array, -np.inf).max(axis=1) for name, array in named.items()},
         {name: np.where(counts, array, np.inf).min(axis=1) for name, array in named.items()},
         np.argmin(np.stack(list(clauses.values())), axis=0),

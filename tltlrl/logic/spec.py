@@ -24,7 +24,7 @@ from tltlrl.logic.online.pursuit import Compiled, compiled
 from tltlrl.logic.online.sheet import Sheet
 from tltlrl.logic.online.witness import Witnessed
 from tltlrl.logic.parser import parse
-from tltlrl.logic.parts import Parts, clauses_of, parts, wanted
+from tltlrl.logic.parts import Parts, clauses_of, conjuncts_of, parts, wanted
 from tltlrl.logic.reach import beyond
 from tltlrl.logic.resolve import resolve
 from tltlrl.logic.semantics import Plan, Signals, plan
@@ -262,14 +262,15 @@ class Spec:
     def normalised(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> "Spec":
         """The same spec with every predicate divided by its spread over these trajectories (tltlrl.logic.normalise).
 
-        Verdicts stay the same; values have no unit. Use its `robustness` and `clauses` for learning.
+        Verdicts stay the same; values have no unit. Use its `robustness` and `conjuncts` for learning.
         """
         places = predicates(self._meaning.formula)
         margins = self._over_time(self._batch(signals, lengths), tuple(places))
         result = copy.copy(self)
         result._meaning = divided(self._meaning, spreads(places, margins))
         result._plan = lru_cache(maxsize=16)(result._make_plan)
-        result.__dict__.pop("_compiled", None)
+        for cached in ("_compiled", "_conjuncts"):
+            result.__dict__.pop(cached, None)
         return result
 
     def predicates_over_time(
@@ -334,6 +335,10 @@ class Spec:
     @cached_property
     def _looks_back(self) -> bool:
         return self._meaning.looks_back
+
+    @cached_property
+    def _conjuncts(self) -> tuple[int, ...]:
+        return conjuncts_of(self._meaning)
 
     @cached_property
     def _compiled(self) -> Compiled:
@@ -446,6 +451,14 @@ class Spec:
         values = self._over_time(batch, tuple(dict.fromkeys(clause.node for clause in own.values())))
         return {text: values[clause.node][:, 0] for text, clause in own.items()}
 
+    def conjuncts(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> Array:
+        """The robustness of each conjunct on each whole trajectory, shape (N, C); the smallest is the robustness.
+
+        Conjuncts are the clauses, and where one is an `all`, a conjunction, or G of one, what that consists of.
+        """
+        values = self._over_time(self._batch(signals, lengths), self._conjuncts)
+        return np.stack([values[node][:, 0] for node in self._conjuncts], axis=1)
+
     def parts(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> Parts:
         """The values of the clauses and named sub-formulas on each trajectory, and which of them decide.
 
@@ -453,9 +466,10 @@ class Spec:
         """
         meaning, batch = self._meaning, self._batch(signals, lengths)
         named = (truth for truth, _ in meaning.definitions.values())
-        values = self._over_time(batch, tuple(nodes([meaning.formula, *named])))
+        roots = (*nodes([meaning.formula, *named]), *self._conjuncts)
+        values = self._over_time(batch, tuple(dict.fromkeys(roots)))
         samples = np.full(batch.count, batch.steps)
-        return parts(meaning, values, samples if batch.offset is None else samples - batch.offset)
+        return parts(meaning, self._conjuncts, values, samples if batch.offset is None else samples - batch.offset)
 
     @property
     def asks_for(self) -> Mapping[str, tuple[str, ...]]:

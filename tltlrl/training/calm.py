@@ -28,8 +28,8 @@ Array = NDArray[np.float64]
 
 PROPOSALS = 20  # simulated per batch
 NOISY = 10  # trials, all of which must satisfy the spec
-SPEED = 0.03  # weight of squared commands against squared changes of commands, both as shares of a full command
-SPENDING = 0.7  # share of the batches over which the floor of the robustness sinks
+STRAIGHTNESS = 1.0, 0.06  # first and last weight of squared commands against squared changes of commands
+SPENDING = 0.7  # share of the batches over which the floor of the robustness, and that weight, sink
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,17 @@ def floor(learned: float, share: float, batch: int, batches: int) -> float:
     return learned * (1 - (1 - share) * min(1.0, (batch + 1) / (SPENDING * batches)))
 
 
-def calmer(run: Run, setup: Setup, policy: Policy, calm: Calm, least: float) -> Calm:
+def straightness(batch: int, batches: int) -> float:
+    """The weight of the squared commands in a batch: it sinks geometrically, and then stays.
+
+    So the path becomes short first and even afterwards. Abrupt commands cost so much more than long ways that with the
+    last weight from the start a path would be smoothed where it happens to lie, and stay long.
+    """
+    first, last = STRAIGHTNESS
+    return float(first * (last / first) ** min(1.0, batch / (SPENDING * batches)))
+
+
+def calmer(run: Run, setup: Setup, policy: Policy, calm: Calm, least: float, straight: float) -> Calm:
     """The motion after one more batch of proposals.
 
     The calmest proposal whose robustness is at least `least` is taken, or several together that change other steps.
@@ -85,13 +95,14 @@ def calmer(run: Run, setup: Setup, policy: Policy, calm: Calm, least: float) -> 
       policy: the learned policy.
       calm: the motion so far.
       least: the least robustness allowed, positive; see `floor`.
+      straight: the weight of the squared commands; see `straightness`.
     """
     rng = np.random.default_rng([run.seed, run.algorithm.iterations, run.trials, calm.batches])
     joints = joint_commands(setup.task)
     scale = setup.task.command_scale[joints]
     now = calm.commands[:, joints] / scale
     low, high = (limit[joints] / scale for limit in setup.simulator.command_range)
-    proposals = shortcuts(now, calm.events.tolist(), low, high, SPEED, PROPOSALS, rng)
+    proposals = shortcuts(now, calm.events.tolist(), low, high, straight, PROPOSALS, rng)
     simulated: list[Trajectories] = []
 
     def commands(of_joints: Array) -> Array:
@@ -149,7 +160,8 @@ def simplified(
     calm = start
     yield calm
     while calm.batches < batches:
-        calm = calmer(run, setup, policy, calm, floor(robustness, share, calm.batches, batches))
+        least, straight = floor(robustness, share, calm.batches, batches), straightness(calm.batches, batches)
+        calm = calmer(run, setup, policy, calm, least, straight)
         yield calm
 
 

@@ -63,8 +63,9 @@ def iterate(run: Run, setup: Setup, state: Any, iteration: int) -> Iteration:
     if setup.reward is None:
         if run.algorithm.told == "leximin":
             own = setup.told is run.spec
-            clauses = parts.clauses if own else setup.told.clauses(sample_signals, trajectories.lengths[:samples])
-            told = leximin(np.stack(list(clauses.values()), axis=1))
+            told = leximin(
+                parts.conjuncts if own else setup.told.conjuncts(sample_signals, trajectories.lengths[:samples])
+            )
         elif setup.told is not run.spec:
             told = setup.told.robustness(sample_signals, trajectories.lengths[:samples])
     rewards = None
