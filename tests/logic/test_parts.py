@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from strategies import DECLARED, batches, formulas
 
 from tltlrl.logic import parse_spec
 
@@ -43,3 +45,30 @@ def test_parts_are_what_each_trajectory_is_explained_by(text):
 def test_a_clause_asks_for_what_stands_in_it_under_no_negation():
     spec = spec_of("(!safe U at) & G !at & (at => F safe)")
     assert dict(spec.asks_for) == {"!safe U at": ("at",), "G !at": (), "at => F safe": ("safe",)}
+
+
+@settings(deadline=None)
+@given(formulas(), batches())
+def test_the_least_conjunct_is_the_robustness(formula, batch):
+    signals, lengths = batch
+    spec = parse_spec(DECLARED + str(formula))
+    conjuncts = spec.conjuncts(signals, lengths)
+    np.testing.assert_array_equal(conjuncts.min(axis=1), spec.robustness(signals, lengths))
+    np.testing.assert_array_equal(spec.parts(signals, lengths).conjuncts, conjuncts)
+
+
+def test_conjuncts_are_the_members_of_families_and_conjunctions_also_under_g():
+    declared = "signal x\nsignal y\nconst c[a] = 1\nconst c[b] = 2\ndef low[i in a, b]: x < c[i]\n"
+    nested = (
+        "def safe: y > 0 & (all i in a, b: low[i])\nspec: G safe & (all i in a, b: F low[i]) & G[2,3] (x > 0 & F y > 1)"
+    )
+    plain = "spec: G y > 0 & G low[a] & G low[b] & F low[a] & F low[b] & G[2,3] x > 0 & G[2,3] F y > 1"
+    rng = np.random.default_rng(0)
+    signals, lengths = {name: rng.normal(size=(30, 7)) for name in "xy"}, rng.integers(1, 8, 30)
+    expected = np.stack(list(parse_spec(declared + plain).clauses(signals, lengths).values()), axis=1)
+    np.testing.assert_array_equal(parse_spec(declared + nested).conjuncts(signals, lengths), expected)
+    normalised = parse_spec(declared + nested).normalised(signals, lengths)
+    assert normalised.conjuncts(signals, lengths).shape == expected.shape
+    np.testing.assert_array_equal(
+        normalised.conjuncts(signals, lengths).min(axis=1), normalised.robustness(signals, lengths)
+    )

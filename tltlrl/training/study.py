@@ -59,7 +59,7 @@ class AlgorithmConfig:
     basis: int = setting("basis functions that a motion is made of; 0: an offset of its own at every step", 0, least=0)
     told: str = setting(
         "what the learner is told about a trajectory in the cases tltl_*: its robustness, or leximin, which weighs all "
-        "clauses, the worst first",
+        "conjuncts of the spec, the worst first",
         "robustness",
         choices=TOLD,
     )
