@@ -152,7 +152,7 @@ RUN_DAMAGES = [
         (f"{RUN}/done.json", damage, f"done.json is not as it was written; {AGAIN}")
         for damage in (emptied, cut, fewer_successes)
     ),
-    (f"{RUN}/done.json", of_another_seed, f"done.json is of another config, spec or seed; {AGAIN}"),
+    (f"{RUN}/done.json", of_another_seed, f"done.json is of another config, spec, seed or version of tltlrl; {AGAIN}"),
 ]
 RESTORED = "config.yaml was missing or damaged and is written again, from manifest.json"
 DAMAGES = [

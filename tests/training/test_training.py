@@ -479,6 +479,23 @@ def test_results_of_another_edition_of_a_task_are_not_taken_for_its_own(cases):
     assert before.identity() != run.identity()
 
 
+def test_results_of_another_edition_of_a_setting_are_not_taken_for_its_own(monkeypatch):
+    """The same settings gave other results once; runs without them are not concerned."""
+    texts = [
+        "algorithm.told=robustness",
+        "algorithm.told=leximin",
+        "++algorithm.refine.told=leximin",
+        "algorithm.calm=3",
+    ]
+    asked = [["cases=[tltl_episodic]", text] for text in texts]
+    asked[2].append("++algorithm.refine.after=2")
+    before = [runs(*texts)["tltl_episodic"].identity() for texts in asked]
+    monkeypatch.setattr("tltlrl.training.study.LEXIMIN_EDITION", 9)
+    monkeypatch.setattr("tltlrl.training.study.CALM_EDITION", 9)
+    after = [runs(*texts)["tltl_episodic"].identity() for texts in asked]
+    assert [one == two for one, two in zip(before, after, strict=True)] == [True, False, False]
+
+
 def test_leximin_does_not_go_with_learning_step_by_step():
     with pytest.raises(UserError, match=r"algorithm\.told: leximin .* learns step by step; expected robustness"):
         runs("cases=[tltl_step]", "algorithm.told=leximin")

@@ -107,7 +107,9 @@ def read_results(folder: Path, identity: str | None = None) -> dict[str, Any] | 
         raise DamagedError(f"{DONE} is not as it was written") from error
     if wrong:
         raise DamagedError(
-            f"{DONE} is of another config, spec or seed" if wrong[0] == RUN else f"{wrong[0]} is not as it was written"
+            f"{DONE} is of another config, spec, seed or version of tltlrl"
+            if wrong[0] == RUN
+            else f"{wrong[0]} is not as it was written"
         )
     return results
 

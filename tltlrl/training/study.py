@@ -40,6 +40,11 @@ def with_later(settings: Mapping[str, Any]) -> dict[str, Any]:
     return {**settings, "algorithm": {**LATER, **settings["algorithm"]}}
 
 
+# Raised when the same settings give other results, so that old results are not taken for new ones.
+LEXIMIN_EDITION = 2  # over conjuncts, no longer over clauses
+CALM_EDITION = 2  # shortcuts that know the events
+
+
 @dataclass(frozen=True)
 class AlgorithmConfig:
     """The settings of policy search that all learners share: the budget and the first policy."""
@@ -192,6 +197,10 @@ class Run:
             "algorithm": {name: value for name, value in algorithm.items() if LATER.get(name, ...) != value},
             "trials": self.trials,
         }
+        if self.algorithm.told == "leximin":
+            asked["leximin"] = LEXIMIN_EDITION
+        if self.algorithm.calm:
+            asked["calm"] = CALM_EDITION
         return digest(json.dumps(asked, sort_keys=True).encode())
 
 
