@@ -481,14 +481,8 @@ def test_results_of_another_edition_of_a_task_are_not_taken_for_its_own(cases):
 
 def test_results_of_another_edition_of_a_setting_are_not_taken_for_its_own(monkeypatch):
     """The same settings gave other results once; runs without them are not concerned."""
-    texts = [
-        "algorithm.told=robustness",
-        "algorithm.told=leximin",
-        "++algorithm.refine.told=leximin",
-        "algorithm.calm=3",
-    ]
+    texts = ["algorithm.told=robustness", "algorithm.told=leximin", "algorithm.calm=3"]
     asked = [["cases=[tltl_episodic]", text] for text in texts]
-    asked[2].append("++algorithm.refine.after=2")
     before = [runs(*texts)["tltl_episodic"].identity() for texts in asked]
     monkeypatch.setattr("tltlrl.training.study.LEXIMIN_EDITION", 9)
     monkeypatch.setattr("tltlrl.training.study.CALM_EDITION", 9)
