@@ -17,6 +17,7 @@ def _folder(name: str) -> Path:
 
 CONFIGS = _folder("configs")
 SPECS = _folder("specs")
+OFFERED = "page_"  # begins the names by which robots' pages are among Hydra's choices
 
 
 def user_path(text: str) -> Path:

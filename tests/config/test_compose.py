@@ -8,6 +8,7 @@ import pytest
 from tltlrl.config.compose import as_meant, compose
 from tltlrl.config.machinery import Machinery
 from tltlrl.config.read import read
+from tltlrl.errors import UserError
 from tltlrl.resources import SPECS, spec_path, user_path
 
 ROOT = Path(__file__).parents[2]
@@ -73,3 +74,10 @@ def test_no_page_has_a_list_that_a_shell_takes_for_its_own(page):
 
 def test_the_specs_that_come_with_tltlrl_are_found_by_name():
     assert spec_path("toast") == spec_path("toast.tltl") == SPECS / "toast.tltl"
+
+
+def test_a_robots_page_is_not_listed_by_the_name_that_it_has_inside():
+    """A notebook, or a test before this one, may have composed a page in the same process."""
+    compose([f"task={ROOT}/examples/reacher/reacher.yaml"])
+    with pytest.raises(UserError, match=r"there are: gymnasium, reach_avoid, suite, toast, visit_in_order$"):
+        compose(["experiment=reach_avoid", "task=planar"])

@@ -15,7 +15,7 @@ from typing import Any
 from tltlrl.config.compare import flatten
 from tltlrl.errors import UserError, module_of, nearest
 from tltlrl.registry import FOREIGN, TASKS
-from tltlrl.resources import CONFIGS, is_page, user_path
+from tltlrl.resources import CONFIGS, OFFERED, is_page, user_path
 from tltlrl.store.bounded import BoundsError, check_yaml
 
 GROUPS = ("experiment", "task", "reward", "algorithm", "engine")  # chosen by the name of a file in configs/
@@ -283,7 +283,8 @@ def _explain_composition(error: Any, overrides: Sequence[str]) -> str:
         group, _, name = error.missing_cfg_file.rpartition("/")
         if group == "task" and name in TASKS.names():
             TASKS.get(name)  # raises the reason why it could not be added
-        return f"{group}={name}: there is no such {group}{nearest(name, options)}"
+        chosen = [option for option in options if not option.startswith(OFFERED)]  # those have no name for a user
+        return f"{group}={name}: there is no such {group}{nearest(name, chosen)}"
     text = str(error)
     if unknown := re.match(r"Could not (?:override|delete from config|append to config)[^']*'([^']+)'", text):
         key = unknown[1]

@@ -6,6 +6,7 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
+from tltlrl.resources import OFFERED
 from tltlrl.store.files import digest
 from tltlrl.tasks.mjcf.file import config_of, spec_beside
 from tltlrl.tasks.mjcf.page import task_name
@@ -22,7 +23,7 @@ def offer(path: Path) -> str:
     """Adds a page to Hydra's choices as a task; returns its name there."""
     from hydra.core.config_store import ConfigStore
 
-    name = f"page_{digest(str(path).encode())[:16]}"
+    name = f"{OFFERED}{digest(str(path).encode())[:16]}"
     values: dict[str, Any] = dataclasses.asdict(config_of(path))
     ConfigStore.instance().store(name, values, "task")
     ConfigStore.instance().store(name, dataclasses.asdict(NoReward()), "reward")
