@@ -20,7 +20,6 @@ class Parts:
 
     Attributes:
       clauses: text of each top-level clause => its robustness on the whole trajectory, (N,).
-      conjuncts: robustness of each conjunct, (N, C); see `conjuncts_of`.
       highest, lowest: name of each sub-formula => its largest and its smallest value over the samples, (N,). If the
         largest is above 0, it holds at some sample; if the smallest is, at all.
       clause: index of the first clause whose value is the robustness, (N,).
@@ -28,7 +27,6 @@ class Parts:
     """
 
     clauses: Mapping[str, Array]
-    conjuncts: Array
     highest: Mapping[str, Array]
     lowest: Mapping[str, Array]
     clause: NDArray[np.intp]
@@ -60,15 +58,12 @@ def conjuncts_of(meaning: Meaning) -> tuple[int, ...]:
     return tuple(dict.fromkeys(within(meaning.formula)))
 
 
-def parts(
-    meaning: Meaning, conjuncts: tuple[int, ...], values: Mapping[int, Array], lengths: NDArray[np.intp]
-) -> Parts:
+def parts(meaning: Meaning, values: Mapping[int, Array], lengths: NDArray[np.intp]) -> Parts:
     """Computes the values of a formula's parts on N trajectories.
 
     Args:
       meaning: the spec's meaning.
-      conjuncts: from `conjuncts_of`.
-      values: values of the formula, all below it, the named sub-formulas and the conjuncts, node => (N, T).
+      values: values of the formula, all below it and the named sub-formulas, node => (N, T).
       lengths: samples of each trajectory that count, (N,).
     """
     clauses = {text: values[clause.node][:, 0] for text, clause in clauses_of(meaning).items()}
@@ -81,7 +76,6 @@ def parts(
         deciding[row] = -1 if name is None else number[name]
     return Parts(
         clauses,
-        np.stack([values[node][:, 0] for node in conjuncts], axis=1),
         {name: np.where(counts, array, -np.inf).max(axis=1) for name, array in named.items()},
         {name: np.where(counts, array, np.inf).min(axis=1) for name, array in named.items()},
         np.argmin(np.stack(list(clauses.values())), axis=0),

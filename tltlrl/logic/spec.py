@@ -466,10 +466,9 @@ class Spec:
         """
         meaning, batch = self._meaning, self._batch(signals, lengths)
         named = (truth for truth, _ in meaning.definitions.values())
-        roots = (*nodes([meaning.formula, *named]), *self._conjuncts)
-        values = self._over_time(batch, tuple(dict.fromkeys(roots)))
+        values = self._over_time(batch, tuple(nodes([meaning.formula, *named])))
         samples = np.full(batch.count, batch.steps)
-        return parts(meaning, self._conjuncts, values, samples if batch.offset is None else samples - batch.offset)
+        return parts(meaning, values, samples if batch.offset is None else samples - batch.offset)
 
     @property
     def asks_for(self) -> Mapping[str, tuple[str, ...]]:

@@ -62,10 +62,7 @@ def iterate(run: Run, setup: Setup, state: Any, iteration: int) -> Iteration:
     told = sampled
     if setup.reward is None:
         if run.algorithm.told == "leximin":
-            own = setup.told is run.spec
-            told = leximin(
-                parts.conjuncts if own else setup.told.conjuncts(sample_signals, trajectories.lengths[:samples])
-            )
+            told = leximin(setup.told.conjuncts(sample_signals, trajectories.lengths[:samples]))
         elif setup.told is not run.spec:
             told = setup.told.robustness(sample_signals, trajectories.lengths[:samples])
     rewards = None

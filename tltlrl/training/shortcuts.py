@@ -89,9 +89,10 @@ def shortcuts(
         return []
     # Half of them where the motion costs most, half anywhere.
     chances = 0.5 * costs / costs.sum() + 0.5 / len(costs)
+    between = spans(events, len(speeds))
     found: list[Shortcut] = []
     for about in rng.choice(len(speeds), TRIES * count, p=chances):
-        shortcut = _shortcut(speeds, about, spans(events, len(speeds)), straightness, rng)
+        shortcut = _shortcut(speeds, about, between, straightness, rng)
         within = np.all((shortcut.speeds >= low) & (shortcut.speeds <= high))
         if within and shortcut.cost < before:
             found.append(shortcut)
