@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import csv
+import dataclasses
 import os
 import pickle
+import shutil
 import tempfile
 import time
 from pathlib import Path
@@ -15,20 +18,14 @@ from benchmarks.simulation import Row, seconds
 from tltlrl.config.compose import compose
 from tltlrl.config.read import read
 from tltlrl.experiments.results import finished, run_folder, survey
-from tltlrl.learning.policy import Policy
 from tltlrl.reports.plotting import plot_learning_curves, titled
 from tltlrl.reports.report import write_report
 from tltlrl.reports.sealed import read_curves
-from tltlrl.store.layout import PROGRESS
-from tltlrl.store.run import write_results
-from tltlrl.training.build import make_task
-from tltlrl.training.session import arrays_of
+from tltlrl.store.layout import CLAUSES, PROGRESS
+from tltlrl.store.run import read_policy, read_results, write_results
+from tltlrl.training.session import train
 from tltlrl.training.study import Run, Study
 
-COLUMNS = (
-    "task,case,reward,algorithm,seed,iteration,episodes,env_steps,return_mean,robustness_mean,robustness_std,"
-    "robustness_min,robustness_max,robustness_policy,satisfied_fraction,eta,kl,effective_sample_size,entropy"
-)
 TASKS = ("reach_avoid", "visit_in_order", "toast")
 ITERATIONS, SEEDS = 500, 20
 
@@ -38,24 +35,47 @@ def plan(task: str) -> Study:
     return read(compose([f"experiment={task}", f"seeds={SEEDS}", f"algorithm.iterations={ITERATIONS}"]))[0]
 
 
-def make_up(run: Run, folder: Path) -> None:
-    """The files of a finished run with curves of random numbers, as long as those of a real one."""
+def stretched(real: Path, made: Path, rng: np.random.Generator, **same: object) -> None:
+    """A CSV file of a run made as long as ITERATIONS, with random numbers in place of the measured ones."""
+    (row,) = csv.DictReader(real.read_text().splitlines())
+    counts = {name: int(row[name]) for name in ("episodes", "env_steps") if name in row}
+    measured = [name for name in row if "." in row[name]]
+    with open(made, "w", newline="") as file:
+        writer = csv.DictWriter(file, row, lineterminator="\n")
+        writer.writeheader()
+        for i in range(ITERATIONS):
+            numbers = np.linspace(-1, 0.2, ITERATIONS)[i] + 0.1 * rng.standard_normal(len(measured))
+            counted = {"iteration": i} | {name: (i + 1) * value for name, value in counts.items()}
+            writer.writerow(row | dict(zip(measured, numbers.tolist(), strict=True)) | counted | same)
+
+
+def make_up(run: Run, folder: Path, real: Path) -> None:
+    """The files of a finished run with curves of random numbers, as long as those of a real one.
+
+    Args:
+      run: what is made up.
+      folder: its folder, which is made.
+      real: the folder of a run of the same case, trained for one iteration.
+    """
     folder.mkdir(parents=True)
     rng = np.random.default_rng([run.seed, len(run.case.name)])
-    start = f"{run.task.name},{run.case.name},{run.case.reward},{run.case.learner},{run.seed}"
-    numbers = np.linspace(-1, 0.2, ITERATIONS)[:, None] + 0.1 * rng.standard_normal((ITERATIONS, 11))
-    samples = run.algorithm.samples
-    counts = [f"{start},{i},{(i + 1) * samples},{(i + 1) * samples * run.task.steps}" for i in range(ITERATIONS)]
-    rows = [f"{counts[i]},{','.join(map(str, numbers[i].tolist()))}" for i in range(ITERATIONS)]
-    (folder / PROGRESS).write_text("\n".join([COLUMNS, *rows]) + "\n")
-    features, commands = make_task(run.task).reference()
-    steps, d = commands.shape
-    policy = Policy(np.zeros((d, features.shape[1])), commands, np.tile(np.eye(d), (steps, 1, 1)))
-    successes = int(rng.integers(0, run.trials + 1))
-    results = {"iterations": ITERATIONS, "robustness_policy": numbers[-1, 5], "satisfied": bool(numbers[-1, 5] > 0),
-               "trials": run.trials, "successes": successes, "outcomes": {}, "why_policy_fails": [],
-               "why_trials_fail": []}  # fmt: skip
-    write_results(folder, run.identity(), arrays_of(policy), results)
+    stretched(real / PROGRESS, folder / PROGRESS, rng, seed=run.seed)
+    stretched(real / CLAUSES, folder / CLAUSES, rng)
+    results = read_results(real)
+    assert results is not None
+    write_results(folder, run.identity(), read_policy(real), results | {"iterations": ITERATIONS})
+
+
+def make_up_all(study: Study, folder: Path) -> None:
+    """Makes up every run of a study from one short real run of each case."""
+    one = dataclasses.replace(study.algorithm, iterations=1)
+    first = {run.case: run for run in reversed(study.runs())}
+    for case, run in first.items():
+        (real := folder / "real" / case.name).mkdir(parents=True)
+        train(dataclasses.replace(run, algorithm=one), real, lambda _: None)
+    for run in study.runs():
+        make_up(run, run_folder(folder / study.name, run), folder / "real" / run.case.name)
+    shutil.rmtree(folder / "real")
 
 
 def summarise(folder: Path, experiments: list[Study]) -> tuple[float, float]:
@@ -94,13 +114,10 @@ def rows() -> list[Row]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for experiment in experiments:
-            for run in experiment.runs():
-                make_up(run, run_folder(folder / experiment.name, run))
+            make_up_all(experiment, folder)
         taken, memory = summarise(folder, experiments)
         paths = [folder / experiment.name for experiment in experiments]
-        plotting = seconds(
-            lambda: plot_learning_curves(titled(paths, [read_curves(p)[0] for p in paths]), folder / "all")
-        )
+        plotting = seconds(lambda: draw(paths, folder / "all"))
     size = max(len(pickle.dumps(run)) for run in runs)
     what = f"{len(runs)} runs of {ITERATIONS} iterations"
     return [

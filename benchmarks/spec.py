@@ -1,9 +1,8 @@
-"""Speed of robustness: against sentil, the fastest public evaluator, and as batches, trajectories and
-windows grow.
+"""Speed of robustness: against sentil, the fastest public evaluator, and as batches, trajectories and windows
+grow.
 
-Run as `python benchmarks/spec.py`. Every ratio compares times of this process, the best of several repeats
-taken in turn. sentil gets its distances precomputed and its traces built beforehand; ours computes
-distances from positions.
+Every ratio compares times of this process, the best of several repeats taken in turn. sentil gets its distances
+precomputed and its traces built beforehand; ours computes distances from positions.
 """
 
 import time
@@ -150,9 +149,3 @@ def rows() -> list[tuple[str, float, float | None, str]]:
         ratio = windows("F[0,w] (x > 0)", 10, width)
         found.append((f"window of {width} steps / of 10", ratio, None, "<="))
     return found
-
-
-if __name__ == "__main__":
-    for name, measured, target, relation in rows():
-        met = "" if target is None else f"{relation} {target:g}"
-        print(f"{name:58} {measured:8.2f}  {met}")
