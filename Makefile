@@ -22,9 +22,11 @@ VERSIONS = $(foreach python,3.11 3.12,$(if $(shell python$(python) -c 'print(1)'
 help:
 	@grep -E '^## ' $(MAKEFILE_LIST) | sed 's/^## //'
 
+# A newer pip needs half the time for what follows; without one, the old one does it.
 $(READY): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 13) and "tltlrl needs Python 3.11 or 3.12; say which: make PYTHON=python3.11 ...")'
 	$(PYTHON) -m venv $(VENV)
+	-$(BIN)/python -m pip install --quiet --constraint constraints.txt --upgrade pip
 	$(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt --editable '.[dev]'
 	@touch $@
 
