@@ -13,6 +13,8 @@ from tltlrl.cli import main as cli
 from tltlrl.config.compose import compose
 from tltlrl.config.read import read
 from tltlrl.experiments.extend import changes
+from tltlrl.training.build import first_policy, set_up
+from tltlrl.training.loop import iterate
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 MODEL = """\
@@ -94,6 +96,35 @@ def test_the_first_spec_is_one_that_nothing_is_said_against(here, capsys):
     capsys.readouterr()
     assert tltl("check", "arm.tltl") == 0
     assert "warning" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("name", "tip"), [("finger", "site_xpos.touchbottom"), ("pendulum", "geom_xpos.mass"), ("reacher", "xpos.finger")]
+)
+@pytest.mark.usefixtures("here")
+def test_a_first_page_speaks_of_what_moves_and_every_comment_on_it_is_a_line_that_works(name, tip):
+    assert tltl("new", f"dm_control:suite/{name}.xml") == 0
+    text = Path(f"{name}.yaml").read_text()
+    page = yaml.safe_load(text)
+    assert page["signals"]["tip"] == tip
+    more = re.sub(r"^  # (?=\w+: (?:sensordata|site_xpos)\.)", "  ", text, flags=re.MULTILINE)
+    assert more.count("\n  ") == len(yaml.safe_load(more)["signals"]) == text.count("\n  ")
+    Path(f"{name}.yaml").write_text(more)
+    assert tltl("tasks", f"{name}.yaml") == 0
+
+
+@pytest.mark.usefixtures("here")
+def test_a_first_goal_is_within_reach_of_what_learns():
+    """Under the page's feedback, which keeps this robot near its start."""
+    assert tltl("new", "dm_control:suite/finger.xml") == 0
+    gently = ("algorithm.initial_std=0.3", "algorithm.correlation=10")
+    (run,) = read(compose(["task=finger.yaml", "seeds=1", *gently]))[0].runs()
+    setup = set_up(run)
+    state = setup.learner.start(first_policy(setup.task, run.algorithm))
+    for i in range(15):
+        result = iterate(run, setup, state, i)
+        state = result.state
+    assert result.record["robustness_policy"] > 0
 
 
 def test_what_new_says_of_actuators_names_the_model_and_works(here, capsys):

@@ -8,12 +8,15 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from tltlrl.logic import is_signal_name
 from tltlrl.tasks.mjcf import quantities
 from tltlrl.tasks.mjcf.actuators import OF_JOINT, SINGLE
 from tltlrl.tasks.mjcf.model import Told
+from tltlrl.tasks.mjcf.observed import COMMAND, STATE
 
 Array = NDArray[np.float64]
 CONTROL_TIMESTEP = 0.05  # s, about
+TIP = "tip"
 
 
 def draft_page(model: mujoco.MjModel, path: str, told: Told) -> str:
@@ -45,10 +48,10 @@ def draft_page(model: mujoco.MjModel, path: str, told: Told) -> str:
         *_feedback(model, actuators),
         "reference: hold",
         "signals:",
-        f"  tip: {likely_tip(model, told)}",
+        f"  {TIP}: {likely_tip(model, told)}",
         "  qpos: [" + ", ".join(f"qpos.{name}" for name in quantities.names_in(model, "joint")) + "]",
         "  qvel: [" + ", ".join(f"qvel.{name}" for name in quantities.names_in(model, "joint")) + "]",
-        *(f"  # {_word(name)}: sensordata.{name}" for name in names["sensor"]),
+        *(f"  # {_signal(name)}: sensordata.{name}" for name in names["sensor"]),
         *(f"  # {_word(name)}_place: site_xpos.{name}" for name in names["site"]),
         "# ends_when: tip.z < 0",
         *(f"{'' if i == 0 else '# '}camera: {name}" for i, name in enumerate(names["camera"])),
@@ -82,13 +85,16 @@ spec: F[0 s, {seconds:.2g} s] G at_goal
 def likely_tip(model: mujoco.MjModel, told: Told) -> str:
     """The quantity of the likely tip: a named site, body or geom as far as possible down the tree of bodies.
 
+    What no joint displaces is none, such as a body whose frame lies on its only hinge.
+
     Raises:
       UserError: if none of them has a name.
     """
     depth = np.zeros(model.nbody, dtype=int)
     for body in range(1, model.nbody):
         depth[body] = depth[model.body_parentid[body]] + (model.body_dofnum[body] > 0)
-    moving = depth > 0
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
     candidates: list[tuple[int, int, int, str]] = []
     owners: tuple[tuple[str, str, Sequence[int]], ...] = (
         ("site", "site_xpos", model.site_bodyid),
@@ -97,11 +103,18 @@ def likely_tip(model: mujoco.MjModel, told: Told) -> str:
     )
     for rank, (of, field, bodies) in enumerate(owners):
         for i, name in enumerate(quantities.names_in(model, of)):
-            if name and moving[bodies[i]]:
+            if name and _moves(model, data, getattr(data, field)[i], bodies[i]):
                 candidates.append((int(depth[bodies[i]]), -rank, i, f"{field}.{name}"))
     if not candidates:
         raise told("nothing that moves in it has a name, so a spec can speak of no place; name a site of its last body")
     return max(candidates)[3]
+
+
+def _moves(model: mujoco.MjModel, data: mujoco.MjData, point: Array, body: int) -> bool:
+    """Whether a joint displaces a point of a body, at the start."""
+    jacobian = np.empty((3, model.nv))
+    mujoco.mj_jac(model, data, jacobian, None, point, body)
+    return bool(np.any(np.abs(jacobian) > 1e-9))
 
 
 def _feedback(model: mujoco.MjModel, actuators: Sequence[str]) -> list[str]:
@@ -124,3 +137,10 @@ def _word(name: str) -> str:
     """A name changed so that a spec can use it."""
     word = "".join(c if c.isalnum() else "_" for c in name)
     return word if word.isidentifier() else f"_{word}"
+
+
+def _signal(sensor: str) -> str:
+    """A signal's name for a sensor: its own, unless another signal or a word of the language has that."""
+    word = _word(sensor)
+    taken = word in (TIP, *STATE, COMMAND) or not is_signal_name(word)
+    return f"{word}_sensor" if taken else word
