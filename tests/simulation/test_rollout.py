@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from tltlrl.errors import UserError
-from tltlrl.simulation.rollout import Simulator, substeps
+from tltlrl.simulation.rollout import Simulator, entries, substeps
 from tltlrl.tasks.environment import environment
 from tltlrl.tasks.planar_arm.scene import PlanarArm, PlanarArmConfig
+from tltlrl.tasks.toast.scene import Toast, ToastConfig
 
 
 @pytest.fixture(scope="module")
@@ -38,6 +39,29 @@ def test_command_is_feedback_plus_offset(task):
     gain = feedback(task)
     trajectories = Simulator(task).rollout(gain, offsets, np.zeros_like(offsets))
     np.testing.assert_allclose(trajectories.commands, trajectories.features @ gain.T + offsets, atol=1e-12)
+
+
+@pytest.mark.parametrize("whose", [PlanarArm(PlanarArmConfig(steps=60)), Toast(ToastConfig(steps=40, opening_step=20))])
+def test_feedback_on_the_state_alone_gives_the_bytes_of_feedback_on_all_features(whose, monkeypatch):
+    """A task's own feedback is on single joints. It needs no features while the simulation goes on."""
+    rng, d = np.random.default_rng(4), len(whose.command_scale)
+    offsets, noise = (
+        rng.normal(size=(2, 3, whose.steps, d)) * whose.command_scale * np.array([1, 0.02])[:, None, None, None]
+    )
+    simulator = Simulator(whose)
+    asked = []
+    monkeypatch.setattr(whose, "features", lambda *state, own=whose.features: asked.append(state) or own(*state))
+    quick = simulator.rollout(-whose.feedback, offsets, noise)
+    assert len(asked) == 1
+    monkeypatch.setattr(simulator, "_entries", np.full_like(simulator._entries, -1))
+    whole = simulator.rollout(-whose.feedback, offsets, noise)
+    assert len(asked) == 1 + whose.steps
+    for name in ("features", "commands", "lengths", "last_qpos", "last_qvel"):
+        np.testing.assert_array_equal(getattr(quick, name), getattr(whole, name))
+
+
+def test_a_feature_that_is_an_entry_of_the_state_is_found(task):
+    assert entries(task, *task.initial_state()).tolist() == [0, 1, 2, 3, 4, 5, -1, -1]  # the end-effector is none
 
 
 def test_command_noise_acts_but_is_not_recorded(task):

@@ -88,6 +88,21 @@ def starting_states(model: mujoco.MjModel, start: Array, count: int, pushes: Arr
     return states
 
 
+def entries(task: Task, qpos: Array, qvel: Array) -> NDArray[np.int64]:
+    """For each feature that is a single position or velocity its index in (q, v); for any other one -1.
+
+    Found by asking for the features of two states near the given one, whose entries all differ.
+
+    Args:
+      task: whose features.
+      qpos, qvel: a state, shapes (nq,) and (nv,).
+    """
+    states = np.concatenate([qpos, qvel]) + 0.01 * np.random.default_rng(0).standard_normal((2, len(qpos) + len(qvel)))
+    features = task.features(states[:, : len(qpos)], states[:, len(qpos) :])
+    same = (features[:, :, None] == states[:, None]).all(axis=0)
+    return np.where(same.any(axis=1), same.argmax(axis=1), -1)
+
+
 @dataclass(frozen=True)
 class Trajectories:
     """N trajectories of at most T samples.
@@ -123,6 +138,7 @@ class Simulator:
         self._start = np.empty(mujoco.mj_stateSize(self._model, mujoco.mjtState.mjSTATE_FULLPHYSICS.value))
         mujoco.mj_getState(self._model, self._data, self._start, mujoco.mjtState.mjSTATE_FULLPHYSICS.value)
         self._of_forces = of_forces(self._model)
+        self._entries = entries(task, qpos, qvel)
 
     @property
     def model(self) -> mujoco.MjModel:
@@ -175,13 +191,20 @@ class Simulator:
             forces = sensors_at(self._model, self._data, path[0])
             known -= sensed(forces).shape[1]
         transposed_gain = np.ascontiguousarray(gain[:, :known].T)
+        # Where K is on single positions and velocities alone, no features are needed before the end, and all at once
+        # they cost little. A feature that K does not read may then be anything, such as the time.
+        needed = bool(transposed_gain[self._entries < 0].any())
+        places, read = 1 + self._entries, np.empty((n, known))
         for t in range(steps):
             last, state = t + 1 == steps, path[t]
-            features[t, :, :known] = task.features(state[:, 1 : 1 + nq], state[:, 1 + nq : 1 + nq + nv])
-            commands[t] += features[t, :, :known] @ transposed_gain
+            if needed:
+                features[t, :, :known] = task.features(state[:, 1 : 1 + nq], state[:, 1 + nq : 1 + nq + nv])
+                commands[t] += features[t, :, :known] @ transposed_gain
+            else:
+                commands[t] += np.take(state, places, axis=1, out=read, mode="clip") @ transposed_gain
             if last and sensed is None:
                 break
-            control[:] = (commands[t] + noise[t])[:, None]
+            np.add(commands[t, :, None], noise[t, :, None], out=control)
             self._rollout.rollout(
                 models,
                 data,
@@ -199,6 +222,10 @@ class Simulator:
             if last:
                 break  # this step was only for the sensors
             path[t + 1] = states[:, -1]
+        if not needed:
+            whole = path.reshape(steps * n, -1)
+            known_features = task.features(whole[:, 1 : 1 + nq], whole[:, 1 + nq : 1 + nq + nv])
+            features[:, :, :known] = known_features.reshape(steps, n, known)
         # MuJoCo skips the rest of a control step in which something went wrong, and ignores a huge control.
         times = self._start[0] + task.control_timestep * np.arange(steps)[:, None]
         sound = np.abs(path[..., 0] - times) <= ROUNDING * np.maximum(np.arange(steps), 1)[:, None]
