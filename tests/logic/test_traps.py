@@ -46,7 +46,8 @@ def test_traps(formula, column, told):
 
 
 @pytest.mark.parametrize(
-    ("name", "count"), [("reach_avoid", 1), ("visit_in_order", 1), ("toast", 0), ("toast_smooth", 0)]
+    ("name", "count"),
+    [("reach_avoid", 1), ("visit_in_order", 1), ("toast", 0), ("toast_smooth", 0), ("toast_gentle", 0)],
 )
 def test_traps_of_the_specs(name, count):
     assert len(load_spec(SPECS / f"{name}.tltl").traps) == count

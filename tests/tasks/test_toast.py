@@ -173,10 +173,25 @@ def test_mass_centre_and_inertia_are_the_published_ones(physics: toast.Physics, 
 
 
 def test_the_specs_regions_are_where_the_scene_has_them(physics: toast.Physics) -> None:
-    for name in ("toast", "toast_eq37", "toast_smooth"):
+    for name in ("toast", "toast_eq37", "toast_smooth", "toast_gentle"):
         constants = load_spec(spec_path(name)).constants
+        assert constants["slice_below"] == toast.BREAD_REACH
         assert constants["table_height"] == toast.TABLE_HEIGHT == physics.named.data.geom_xpos["table", "z"] + 0.02
         np.testing.assert_array_equal(constants["toaster_centre"], physics.named.data.xpos["toaster"])
+
+
+def test_what_satisfies_the_gentle_spec_satisfies_the_other() -> None:
+    """It asks for more: no step above 5 cm, and 9 cm between gripper and table."""
+    rng = np.random.default_rng(2)
+    own, gentle = load_spec(spec_path("toast")), load_spec(spec_path("toast_gentle"))
+    ee = np.array([0.7, -0.35, 0.05]) + np.cumsum(rng.normal(0, 0.01, (200, 8, 3)), axis=1)
+    signals = {"ee": ee, "rotation": rng.normal(0, 0.1, ee.shape), "gripper": rng.uniform(0, 100, ee.shape[:2])}
+    robustness = gentle.robustness(signals)
+    assert np.all(robustness <= own.robustness(signals))
+    steps = np.linalg.norm(np.diff(ee, axis=1), axis=2).max(axis=1)
+    lowest = ee[:, :, 2].min(axis=1) - toast.BREAD_REACH - toast.TABLE_HEIGHT
+    expected = np.minimum(own.robustness(signals), np.minimum(0.05 - steps, lowest))
+    np.testing.assert_allclose(robustness, expected, atol=1e-12)
 
 
 def test_features_are_the_physics_own_quantities(physics: toast.Physics) -> None:
