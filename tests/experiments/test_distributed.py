@@ -49,7 +49,7 @@ def cluster(tmp_path_factory):
     worker = [*dask, "worker", "--nthreads", "1", "--no-nanny", *options]
     workers = [subprocess.Popen(worker, **quiet) for _ in range(2)]
     deadline = time.monotonic() + 60
-    while not address.exists() and time.monotonic() < deadline:
+    while not (address.exists() and address.read_text()) and time.monotonic() < deadline:  # may be empty
         time.sleep(0.1)
     yield json.loads(address.read_text())["address"], workers
     for process in [*workers, scheduler]:
