@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tltlrl.errors import UserError
+from tltlrl.simulation import rollout
 from tltlrl.simulation.rollout import Simulator, entries, substeps
 from tltlrl.tasks.environment import environment
 from tltlrl.tasks.planar_arm.scene import PlanarArm, PlanarArmConfig
@@ -49,13 +50,14 @@ def test_feedback_on_the_state_alone_gives_the_bytes_of_feedback_on_all_features
         rng.normal(size=(2, 3, whose.steps, d)) * whose.command_scale * np.array([1, 0.02])[:, None, None, None]
     )
     simulator = Simulator(whose)
+    monkeypatch.setattr(rollout, "ROWS", 3 * (whose.steps // 2))  # in two blocks
     asked = []
     monkeypatch.setattr(whose, "features", lambda *state, own=whose.features: asked.append(state) or own(*state))
     quick = simulator.rollout(-whose.feedback, offsets, noise)
-    assert len(asked) == 1
+    assert len(asked) == 2
     monkeypatch.setattr(simulator, "_entries", np.full_like(simulator._entries, -1))
     whole = simulator.rollout(-whose.feedback, offsets, noise)
-    assert len(asked) == 1 + whose.steps
+    assert len(asked) == 2 + whose.steps
     for name in ("features", "commands", "lengths", "last_qpos", "last_qvel"):
         np.testing.assert_array_equal(getattr(quick, name), getattr(whole, name))
 

@@ -19,6 +19,7 @@ from tltlrl.tasks.task import Task, draw_command_noise, draw_starts
 Array = NDArray[np.float64]
 HUGE = mujoco.mjMAXVAL  # larger positions and velocities MuJoCo would reset, larger controls it would ignore
 ROUNDING = 1e-6  # allowed in a quotient of times
+ROWS = 10_000  # samples whose features are computed at once: more are no faster, and take more memory
 mujoco.set_mju_user_warning(lambda _: None)  # `rollout` raises instead; MuJoCo would leave a file where the user works
 
 
@@ -101,6 +102,12 @@ def entries(task: Task, qpos: Array, qvel: Array) -> NDArray[np.int64]:
     features = task.features(states[:, : len(qpos)], states[:, len(qpos) :])
     same = (features[:, :, None] == states[:, None]).all(axis=0)
     return np.where(same.any(axis=1), same.argmax(axis=1), -1)
+
+
+def _blocks(steps: int, count: int) -> list[slice]:
+    """The steps in blocks of at most ROWS samples of all `count` trajectories, at least a step each."""
+    size = max(1, ROWS // count)
+    return [slice(first, first + size) for first in range(0, steps, size)]
 
 
 @dataclass(frozen=True)
@@ -191,8 +198,8 @@ class Simulator:
             forces = sensors_at(self._model, self._data, path[0])
             known -= sensed(forces).shape[1]
         transposed_gain = np.ascontiguousarray(gain[:, :known].T)
-        # Where K is on single positions and velocities alone, no features are needed before the end, and all at once
-        # they cost little. A feature that K does not read may then be anything, such as the time.
+        # Where K is on single positions and velocities alone, no features are needed before the end, and those of many
+        # steps at once cost little. A feature that K does not read may then be anything, such as the time.
         needed = bool(transposed_gain[self._entries < 0].any())
         places, read = 1 + self._entries, np.empty((n, known))
         for t in range(steps):
@@ -223,9 +230,10 @@ class Simulator:
                 break  # this step was only for the sensors
             path[t + 1] = states[:, -1]
         if not needed:
-            whole = path.reshape(steps * n, -1)
-            known_features = task.features(whole[:, 1 : 1 + nq], whole[:, 1 + nq : 1 + nq + nv])
-            features[:, :, :known] = known_features.reshape(steps, n, known)
+            for block in _blocks(steps, n):
+                whole = path[block].reshape(-1, path.shape[2])
+                found = task.features(whole[:, 1 : 1 + nq], whole[:, 1 + nq : 1 + nq + nv])
+                features[block, :, :known] = found.reshape(-1, n, known)
         # MuJoCo skips the rest of a control step in which something went wrong, and ignores a huge control.
         times = self._start[0] + task.control_timestep * np.arange(steps)[:, None]
         sound = np.abs(path[..., 0] - times) <= ROUNDING * np.maximum(np.arange(steps), 1)[:, None]
