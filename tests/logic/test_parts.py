@@ -1,5 +1,7 @@
 """Clauses and named sub-formulas of many trajectories, against what explains each of them alone."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -14,6 +16,8 @@ TEXTS = {
     "the past": "G (at => once safe) & (safe since at)",
     "a truncated left operand": "((F at) U !safe) & G safe",
     "nothing named": "G x < 3 & F x > 1",
+    "the end": "G (at => X[!] safe) & F[7,9] safe",
+    "no time": "(x > 0.3 | at) & !safe & (safe | F at)",
 }
 
 
@@ -21,18 +25,24 @@ def spec_of(text):
     return parse_spec(f"signal x\ndef at: x > 0.8\ndef safe: x > -0.5 | y > 0\nsignal y\nspec: {text}")
 
 
+@pytest.mark.parametrize("whole", [True, False], ids=["of one length", "of many lengths"])
 @pytest.mark.parametrize("text", TEXTS.values(), ids=TEXTS)
-def test_parts_are_what_each_trajectory_is_explained_by(text):
+def test_parts_are_what_each_trajectory_is_explained_by(text, whole):
     spec, rng = spec_of(text), np.random.default_rng(3)
     signals = {"x": rng.standard_normal((40, 9)), "y": rng.standard_normal((40, 9))}
     signals = {name: signals[name] for name in spec.signals}
-    lengths = rng.integers(1, 10, 40)
+    lengths = np.full(40, 9) if whole else rng.integers(1, 10, 40)
     parts, clauses = spec.parts(signals, lengths), spec.clauses(signals, lengths)
     robustness, why = spec.robustness(signals, lengths), spec.explain(signals, lengths)
     assert list(parts.clauses) == list(clauses)
     for clause, values in clauses.items():
         np.testing.assert_array_equal(parts.clauses[clause], values)
     np.testing.assert_array_equal(np.stack(list(clauses.values()))[parts.clause, np.arange(40)], robustness)
+    np.testing.assert_array_equal(parts.robustness, robustness)
+    some, of_some = parts.of_first(7), spec.parts({name: values[:7] for name, values in signals.items()}, lengths[:7])
+    assert [str(getattr(some, field.name)) for field in dataclasses.fields(some)] == [
+        str(getattr(of_some, field.name)) for field in dataclasses.fields(some)
+    ]
     over_time = spec.definitions_over_time(signals, lengths)
     for name, values in over_time.items():
         np.testing.assert_array_equal(parts.highest[name], np.nanmax(values, axis=1))

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tltlrl.logic import syntax
-from tltlrl.logic.explain import descend
-from tltlrl.logic.graph import Array
+from tltlrl.logic.explain import descend, nodes
+from tltlrl.logic.graph import SELECTING, Array
 from tltlrl.logic.meaning import Meaning, Truth
 
 
@@ -31,6 +31,19 @@ class Parts:
     lowest: Mapping[str, Array]
     clause: NDArray[np.intp]
     name: NDArray[np.intp]
+
+    @property
+    def robustness(self) -> Array:
+        """The robustness of each whole trajectory, (N,)."""
+        return np.min(list(self.clauses.values()), axis=0)
+
+    def of_first(self, count: int) -> Parts:
+        """The values on the first `count` trajectories."""
+        clauses, highest, lowest = (
+            {part: values[:count] for part, values in found.items()}
+            for found in (self.clauses, self.highest, self.lowest)
+        )
+        return Parts(clauses, highest, lowest, self.clause[:count], self.name[:count])
 
 
 def clauses_of(meaning: Meaning) -> dict[str, Truth]:
@@ -58,27 +71,83 @@ def conjuncts_of(meaning: Meaning) -> tuple[int, ...]:
     return tuple(dict.fromkeys(within(meaning.formula)))
 
 
-def parts(meaning: Meaning, values: Mapping[int, Array], lengths: NDArray[np.intp]) -> Parts:
+@dataclass(frozen=True)
+class Reading:
+    """What `parts` reads of a formula.
+
+    Attributes:
+      clauses: text => clause.
+      names: for each clause the names, one of which is the innermost one that holds what decides; None for no name.
+      over_time: the nodes that are read at every sample.
+      at_start: the nodes that are read at the first sample alone: those at the top of the formula, down to the
+        uppermost temporal operators.
+    """
+
+    clauses: Mapping[str, Truth]
+    names: tuple[frozenset[str | None], ...]
+    over_time: tuple[int, ...]
+    at_start: tuple[int, ...]
+
+
+def reading(meaning: Meaning) -> Reading:
+    """What `parts` reads of a spec's formula."""
+    clauses = clauses_of(meaning)
+    at_start, below = [], [truth for truth, _ in meaning.definitions.values()]
+    stack = [meaning.formula]
+    while stack:
+        truth = stack.pop()
+        at_start.append(truth.node)
+        (stack if truth.operation in SELECTING else below).extend(truth.parts)
+    over_time = tuple(nodes(below))
+    top = tuple(sorted({*at_start} - {*over_time}))
+    return Reading(clauses, tuple(_names(clause) for clause in clauses.values()), over_time, top)
+
+
+def _names(formula: Truth) -> frozenset[str | None]:
+    """The names, one of which is the innermost one that holds what decides the formula; None for no name."""
+    found: set[str | None] = set()
+    stack: list[tuple[Truth, str | None]] = [(formula, None)]
+    seen = set()
+    while stack:
+        truth, name = stack.pop()
+        name = truth.name or name
+        if (truth, name) in seen:
+            continue
+        seen.add((truth, name))
+        unbounded = truth.operation in {"always", "eventually"} and truth.data == (None,)
+        if not truth.parts or not (unbounded or truth.operation in SELECTING):
+            found.add(name)  # a predicate, or an operator that the edge of the trajectory may decide
+        stack.extend((part, name) for part in truth.parts)
+    return frozenset(found)
+
+
+def parts(meaning: Meaning, read: Reading, values: Mapping[int, Array], lengths: NDArray[np.intp]) -> Parts:
     """Computes the values of a formula's parts on N trajectories.
 
     Args:
       meaning: the spec's meaning.
-      values: values of the formula, all below it and the named sub-formulas, node => (N, T).
+      read: its `reading`.
+      values: values of the nodes that it names, node => (N, T).
       lengths: samples of each trajectory that count, (N,).
     """
-    clauses = {text: values[clause.node][:, 0] for text, clause in clauses_of(meaning).items()}
-    counts = np.arange(next(iter(values.values())).shape[1]) < lengths[:, None]
-    named = {name: values[truth.node] for name, (truth, _) in meaning.definitions.items()}
-    number = {name: i for i, name in enumerate(named)}
-    deciding = np.full(len(lengths), -1)
-    for row, length in enumerate(lengths):
-        name = descend(meaning.formula, _Trajectory(values, row, int(length)), int(length), None).name
-        deciding[row] = -1 if name is None else number[name]
+    clauses = {text: values[clause.node][:, 0] for text, clause in read.clauses.items()}
+    first = np.argmin(np.stack(list(clauses.values())), axis=0)
+    counts = np.arange(int(lengths.max(initial=1))) < lengths[:, None]
+    named = {name: values[truth.node][:, : counts.shape[1]] for name, (truth, _) in meaning.definitions.items()}
+    number: dict[str | None, int] = {None: -1} | {name: i for i, name in enumerate(named)}
+    deciding = np.empty(len(lengths), dtype=np.intp)
+    for i, (clause, names) in enumerate(zip(read.clauses.values(), read.names, strict=True)):
+        for row in np.flatnonzero(first == i).tolist():
+            name, *others = names
+            if others:  # the values say which
+                length = int(lengths[row])
+                name = descend(clause, _Trajectory(values, row, length), length, None).name
+            deciding[row] = number[name]
     return Parts(
         clauses,
         {name: np.where(counts, array, -np.inf).max(axis=1) for name, array in named.items()},
         {name: np.where(counts, array, np.inf).min(axis=1) for name, array in named.items()},
-        np.argmin(np.stack(list(clauses.values())), axis=0),
+        first,
         deciding,
     )
 

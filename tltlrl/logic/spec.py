@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from tltlrl.errors import nearest
 from tltlrl.logic.declarations import Value
 from tltlrl.logic.errors import Source, Span, SpecError, TraceError
-from tltlrl.logic.explain import Explanation, explain, nodes
+from tltlrl.logic.explain import Explanation, explain
 from tltlrl.logic.graph import BEGUN, Array
 from tltlrl.logic.meaning import Meaning, Region
 from tltlrl.logic.normalise import divided, predicates, spreads
@@ -24,7 +24,7 @@ from tltlrl.logic.online.pursuit import Compiled, compiled
 from tltlrl.logic.online.sheet import Sheet
 from tltlrl.logic.online.witness import Witnessed
 from tltlrl.logic.parser import parse
-from tltlrl.logic.parts import Parts, clauses_of, conjuncts_of, parts, wanted
+from tltlrl.logic.parts import Parts, Reading, clauses_of, conjuncts_of, parts, reading, wanted
 from tltlrl.logic.reach import beyond
 from tltlrl.logic.resolve import resolve
 from tltlrl.logic.semantics import Plan, Signals, plan
@@ -230,17 +230,8 @@ class Spec:
     def robustness(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> Array:
         """The robustness of each whole trajectory, (N,), in the predicates' unit: > 0 satisfied, < 0 violated."""
         batch = self._batch(signals, lengths)
-        out = np.empty(batch.count)
-        root, start = self._meaning.root, self._meaning.start
-        if batch.offset is None:
-            for rows, block in batch.blocks():
-                out[rows] = self._run(batch, rows, block, (start,), True)[start][:, 0]
-        else:
-            for rows, block in batch.blocks():
-                values = self._run(batch, rows, block, (root,), False)[root]
-                offset = batch.offset[rows]
-                out[rows] = values[np.arange(len(offset)), offset]
-        return out
+        node = self._meaning.start if batch.offset is None else self._meaning.root
+        return self._at_start(batch, (node,))[node]
 
     def robustness_over_time(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> Array:
         """The robustness of each suffix, (N, T): column t is the value on the samples from t on.
@@ -269,7 +260,7 @@ class Spec:
         result = copy.copy(self)
         result._meaning = divided(self._meaning, spreads(places, margins))
         result._plan = lru_cache(maxsize=16)(result._make_plan)
-        for cached in ("_compiled", "_conjuncts"):
+        for cached in ("_compiled", "_conjuncts", "_reading"):
             result.__dict__.pop(cached, None)
         return result
 
@@ -339,6 +330,10 @@ class Spec:
     @cached_property
     def _conjuncts(self) -> tuple[int, ...]:
         return conjuncts_of(self._meaning)
+
+    @cached_property
+    def _reading(self) -> Reading:
+        return reading(self._meaning)
 
     @cached_property
     def _compiled(self) -> Compiled:
@@ -448,16 +443,16 @@ class Spec:
         """
         own = clauses_of(self._meaning)
         batch = self._batch(signals, lengths)
-        values = self._over_time(batch, tuple(dict.fromkeys(clause.node for clause in own.values())))
-        return {text: values[clause.node][:, 0] for text, clause in own.items()}
+        values = self._at_start(batch, tuple(dict.fromkeys(clause.node for clause in own.values())))
+        return {text: values[clause.node] for text, clause in own.items()}
 
     def conjuncts(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> Array:
         """The robustness of each conjunct on each whole trajectory, shape (N, C); the smallest is the robustness.
 
         Conjuncts are the clauses, and where one is an `all`, a conjunction, or G of one, what that consists of.
         """
-        values = self._over_time(self._batch(signals, lengths), self._conjuncts)
-        return np.stack([values[node][:, 0] for node in self._conjuncts], axis=1)
+        values = self._at_start(self._batch(signals, lengths), self._conjuncts)
+        return np.stack([values[node] for node in self._conjuncts], axis=1)
 
     def parts(self, signals: Mapping[str, ArrayLike], lengths: ArrayLike | None = None) -> Parts:
         """The values of the clauses and named sub-formulas on each trajectory, and which of them decide.
@@ -465,34 +460,53 @@ class Spec:
         If the left operand of a U or T holds temporal operators, the search for what decides ends at that operator.
         """
         meaning, batch = self._meaning, self._batch(signals, lengths)
-        named = (truth for truth, _ in meaning.definitions.values())
-        values = self._over_time(batch, tuple(nodes([meaning.formula, *named])))
+        read = self._reading
+        values = self._over_time(batch, read.over_time, read.at_start)
         samples = np.full(batch.count, batch.steps)
-        return parts(meaning, values, samples if batch.offset is None else samples - batch.offset)
+        return parts(meaning, read, values, samples if batch.offset is None else samples - batch.offset)
 
     @property
     def asks_for(self) -> Mapping[str, tuple[str, ...]]:
         """Clause => the named sub-formulas in it that it asks to hold (and not to fail)."""
         return MappingProxyType(wanted(self._meaning))
 
-    def _make_plan(self, roots: tuple[int, ...], end: int, first: bool) -> Plan:
-        return plan(self._meaning.graph, dict.fromkeys(roots, (0, 1) if first else (0, end)), end)
+    def _make_plan(self, over_time: tuple[int, ...], at_start: tuple[int, ...], end: int) -> Plan:
+        return plan(self._meaning.graph, dict.fromkeys(at_start, (0, 1)) | dict.fromkeys(over_time, (0, end)), end)
 
     def _run(
-        self, batch: "_Batch", rows: slice, block: Signals, roots: tuple[int, ...], first: bool
+        self, batch: "_Batch", rows: slice, block: Signals, over_time: tuple[int, ...], at_start: tuple[int, ...]
     ) -> dict[int, Array]:
         try:
-            return self._plan(roots, batch.steps, first).run(block)
+            return self._plan(over_time, at_start, batch.steps).run(block)
         except FloatingPointError:
             root, start = self._meaning.root, self._meaning.start
-            if roots == (start,) != (root,):  # a shortcut's operations stand nowhere in the spec
-                return {start: self._run(batch, rows, block, (root,), first)[root]}
-            raise batch.failure(self._plan(roots, batch.steps, first), rows, block) from None
+            if at_start == (start,) != (root,):  # a shortcut's operations stand nowhere in the spec
+                return {start: self._run(batch, rows, block, (), (root,))[root]}
+            raise batch.failure(self._plan(over_time, at_start, batch.steps), rows, block) from None
 
-    def _over_time(self, batch: "_Batch", roots: tuple[int, ...]) -> dict[int, Array]:
-        out = {root: np.full((batch.count, batch.width), np.nan) for root in roots}
+    def _at_start(self, batch: "_Batch", roots: tuple[int, ...]) -> dict[int, Array]:
+        """The values of nodes on whole trajectories: node => (N,)."""
+        out = {root: np.empty(batch.count) for root in roots}
         for rows, block in batch.blocks():
-            for root, values in self._run(batch, rows, block, roots, False).items():
+            if batch.offset is None:
+                for root, values in self._run(batch, rows, block, (), roots).items():
+                    out[root][rows] = values[:, 0]
+            else:
+                offset = batch.offset[rows]
+                for root, values in self._run(batch, rows, block, roots, ()).items():
+                    out[root][rows] = values[np.arange(len(offset)), offset]
+        return out
+
+    def _over_time(self, batch: "_Batch", roots: tuple[int, ...], at_start: tuple[int, ...] = ()) -> dict[int, Array]:
+        """The values of nodes on all suffixes: node => (N, T).
+
+        Those of `at_start` are read at the first sample alone, and may have fewer columns.
+        """
+        if batch.offset is None and batch.steps == batch.width and batch.in_one_block:
+            return self._run(batch, slice(0, batch.count), batch.whole(), roots, at_start)
+        out = {root: np.full((batch.count, batch.width), np.nan) for root in roots + at_start}
+        for rows, block in batch.blocks():
+            for root, values in self._run(batch, rows, block, roots + at_start, ()).items():
                 if batch.offset is None:
                     out[root][rows, : batch.steps] = values
                 else:
@@ -658,10 +672,18 @@ class _Batch:
 
     def blocks(self) -> Iterator[tuple[slice, dict[tuple[str, int | None], Array]]]:
         """Slices of trajectories and their signals, one (trajectories, steps) array per component."""
-        size = max(1, BLOCK // self.steps)
-        for start in range(0, self.count, size):
-            rows = slice(start, min(start + size, self.count))
+        for start in range(0, self.count, self._size):
+            rows = slice(start, min(start + self._size, self.count))
             yield rows, self._block(rows)
+
+    @property
+    def in_one_block(self) -> bool:
+        """Whether there is a single block of trajectories."""
+        return 0 < self.count <= self._size
+
+    @property
+    def _size(self) -> int:
+        return max(1, BLOCK // self.steps)
 
     def _block(self, rows: slice) -> dict[tuple[str, int | None], Array]:
         parts: dict[tuple[str, int | None], Array] = {BEGUN: self._begun(rows)} if self.meaning.looks_back else {}

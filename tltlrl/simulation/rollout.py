@@ -208,7 +208,7 @@ class Simulator:
                 features[t, :, :known] = task.features(state[:, 1 : 1 + nq], state[:, 1 + nq : 1 + nq + nv])
                 commands[t] += features[t, :, :known] @ transposed_gain
             else:
-                commands[t] += np.take(state, places, axis=1, out=read, mode="clip") @ transposed_gain
+                commands[t] += state.take(places, axis=1, out=read, mode="clip") @ transposed_gain
             if last and sensed is None:
                 break
             np.add(commands[t, :, None], noise[t, :, None], out=control)

@@ -55,10 +55,10 @@ def iterate(run: Run, setup: Setup, state: Any, iteration: int) -> Iteration:
     physics_seconds = time.perf_counter() - start
 
     signals = setup.task.signals(trajectories.features, trajectories.commands)
-    robustness = run.spec.robustness(signals, trajectories.lengths)
+    parts = run.spec.parts(signals, trajectories.lengths)
+    robustness = parts.robustness
     sampled, of_policy = robustness[:samples], robustness[samples]
     sample_signals = {name: values[:samples] for name, values in signals.items()}
-    parts = run.spec.parts(sample_signals, trajectories.lengths[:samples])
     told = sampled
     if setup.reward is None:
         if run.algorithm.told == "leximin":
@@ -81,7 +81,7 @@ def iterate(run: Run, setup: Setup, state: Any, iteration: int) -> Iteration:
     } | diagnostics
     env_steps = int(trajectories.lengths[:samples].sum())
     numbers = {name: float(value) for name, value in record.items()}
-    return Iteration(following, numbers, standing(parts), env_steps, physics_seconds)
+    return Iteration(following, numbers, standing(parts.of_first(samples)), env_steps, physics_seconds)
 
 
 def score(reward: StepReward | None, signals: Signals, told: Array, telescoped: Array | None = None) -> Scores:
