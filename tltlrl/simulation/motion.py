@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 MEASURES = {  # name => unit and meaning, in the order of the tables
     "path_length": "m, of the end-effector",
-    "acceleration_rms": "rad/s^2, over all joints and steps",
+    "acceleration_rms": "rad/s^2 (of sliding joints m/s^2), over all joints and steps",
     "acceleration_peak": "rad/s^2, of any joint at any step",
     "jerk_rms": "rad/s^3, over all joints and steps",
     "jerk_peak": "rad/s^3, of any joint at any step",
@@ -32,10 +32,10 @@ PREFIXES = 64  # evaluated together
 def measures(
     task: Task, spec: Spec, motion: Trajectories, command_range: tuple[Array, Array]
 ) -> dict[str, float | None]:
-    """The `MEASURES` of the first trajectory; None where the task does not name the joints or the end-effector.
+    """The `MEASURES` of the first trajectory; None where the task does not know its joints or its end-effector.
 
     Args:
-      task: the task that moves; `task.joints` and `task.end_effector` name what is measured.
+      task: the task that moves; `joint_velocities`, `joint_commands` and `end_effector` say what is measured.
       spec: the spec of the time to satisfaction.
       motion: trajectories; samples after an early end do not count.
       command_range: the least and the greatest value of each command, shapes (d,).
@@ -45,11 +45,11 @@ def measures(
     found: dict[str, float | None] = dict.fromkeys(MEASURES)
     if task.end_effector is not None:
         found["path_length"] = path_length(features[:, task.slices[task.end_effector]])
-    if task.joints is not None:
-        moved = task.command_slices[task.joints.speeds]
-        low, high = (limit[moved] for limit in command_range)
-        found |= smoothness(features[:, task.slices[task.joints.velocities]], timestep)
-        found |= effort(commands[:, moved], task.command_scale[moved], low, high)
+    if task.joint_velocities is not None:
+        found |= smoothness(features[:, task.joint_velocities], timestep)
+    moved = task.joint_commands
+    low, high = (limit[moved] for limit in command_range)
+    found |= effort(commands[:, moved], task.command_scale[moved], low, high)
     signals = task.signals(motion.features[:1], motion.commands[:1])
     step = satisfied_from(spec, signals, length)
     found["time_to_satisfaction"] = None if step is None else step * timestep

@@ -165,6 +165,16 @@ class Task(abc.ABC):
         return _spans(self.action)
 
     @property
+    def joint_velocities(self) -> slice | NDArray[np.intp] | None:
+        """Where the velocities of the joints that commands move lie among the features; None where unknown."""
+        return None if self.joints is None else self.slices[self.joints.velocities]
+
+    @property
+    def joint_commands(self) -> slice:
+        """Where the commands that move joints lie: all of them, unless the task names some."""
+        return slice(None) if self.joints is None else self.command_slices[self.joints.speeds]
+
+    @property
     def width(self) -> int:
         """The number n of features."""
         return sum(len(group.parts) for group in self.observation)

@@ -98,7 +98,7 @@ def calmer(run: Run, setup: Setup, policy: Policy, calm: Calm, least: float, str
       straight: the weight of the squared commands; see `straightness`.
     """
     rng = np.random.default_rng([run.seed, run.algorithm.iterations, run.trials, calm.batches])
-    joints = joint_commands(setup.task)
+    joints = setup.task.joint_commands
     scale = setup.task.command_scale[joints]
     now = calm.commands[:, joints] / scale
     low, high = (limit[joints] / scale for limit in setup.simulator.command_range)
@@ -168,8 +168,3 @@ def simplified(
 def calm_policy(policy: Policy, calm: Calm) -> Policy:
     """The policy that follows a calm motion with the learned policy's feedback, without exploration."""
     return Policy(policy.gain, calm.offsets, np.zeros_like(policy.covariance), policy.correlation)
-
-
-def joint_commands(task: Task) -> slice:
-    """The commands that move joints: all of them, unless the task names some."""
-    return slice(None) if task.joints is None else task.command_slices[task.joints.speeds]

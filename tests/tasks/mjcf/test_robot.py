@@ -6,7 +6,9 @@ import pytest
 from robots import ARM, MODELS
 
 from tltlrl.errors import UserError
+from tltlrl.logic import parse_spec
 from tltlrl.simulation.check_task import check_task
+from tltlrl.simulation.motion import effort, measures, path_length, smoothness
 from tltlrl.simulation.probe import ranges_seen
 from tltlrl.simulation.rollout import Simulator
 from tltlrl.simulation.stepping import Stepper
@@ -107,6 +109,27 @@ def test_without_signals_it_has_its_sensors_positions_velocities_and_commands(ro
     assert {name: values.shape[2:] for name, values in signals.items()} == {
         "qpos": (9,), "qvel": (8,), "touch": (), "shaking": (3,), "command": (2,),
     }  # fmt: skip
+
+
+def test_its_motion_is_measured_by_the_joints_that_it_drives_and_its_first_position(robot):
+    """And not by a puck that lies about."""
+    task = robot(PAGE + SIGNALS)
+    offsets = np.random.default_rng(0).uniform(-1, 1, (1, task.steps, 2))
+    simulator = Simulator(task)
+    motion = simulator.rollout(task.feedback, offsets, 0 * offsets)
+    signals = task.signals(motion.features, motion.commands)
+    found = measures(task, parse_spec("signal height\nspec: F height > 9"), motion, simulator.command_range)
+    velocities = motion.features[0][:, task.slices["qvel"]][:, :2]  # shoulder and elbow
+    expected = smoothness(velocities, task.control_timestep)
+    expected |= effort(motion.commands[0, :-1], task.command_scale, *simulator.command_range)
+    expected |= {"path_length": path_length(signals["tip"][0])}
+    assert found.pop("time_to_satisfaction") is None
+    assert found == pytest.approx(expected)
+    without = robot("model: arm.xml\ncommands: [elbow]\nsignals: {height: site_xpos.tip.z, velocity: site_xvelp.tip}\n")
+    assert without.end_effector is None
+    assert without.joint_velocities.tolist() == [
+        len(without.observation[0].parts) + 1
+    ]  # after all positions, the elbow
 
 
 def test_a_reference_passes_its_waypoints_and_its_commands_hold_it(robot):

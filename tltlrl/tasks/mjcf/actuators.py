@@ -169,6 +169,14 @@ def _beyond(model: mujoco.MjModel, actuator: int) -> Array | None:
     return np.array(model.jnt_range[joint]) if asked > BEYOND * there * abs(model.actuator_gear[actuator, 0]) else None
 
 
+def driven_joints(model: mujoco.MjModel) -> list[int]:
+    """The hinges and slides that the actuators drive, rising; all hinges and slides where no actuator drives one."""
+    single = [joint for joint in range(model.njnt) if model.jnt_type[joint] in SINGLE]
+    of_joint = np.isin(model.actuator_trntype, OF_JOINT)
+    driven = {int(joint) for joint in model.actuator_trnid[of_joint, 0]}
+    return [joint for joint in single if joint in driven] or single
+
+
 def feedback_gains(
     model: mujoco.MjModel, feedback: Mapping[str, Any], columns: Mapping[tuple[str, int], int], width: int, at: At
 ) -> Array:

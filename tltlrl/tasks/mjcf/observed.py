@@ -66,6 +66,13 @@ def check_signal_name(name: str, told: Told) -> None:
         raise told(f"{name} is a word of the language; choose another name")
 
 
+def first_place(signals: Mapping[str, Sequence[Measure]]) -> str | None:
+    """The first signal that is a position of a site, body or geom, by its address; None if there is none."""
+    places = ("site_xpos", "xpos", "geom_xpos")
+    alone = (parts[0] for parts in signals.values() if len(parts) == 1)
+    return next((part.whole for part in alone if part.field in places and part.chosen is None), None)
+
+
 def state_places(model: mujoco.MjModel, joints: Sequence[str]) -> tuple[list[int], list[int]]:
     """The indices in qpos and in qvel of the joints that are features."""
     there = quantities.names_in(model, "joint")

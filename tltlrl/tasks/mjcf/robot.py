@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tltlrl.errors import UserError, nearest
 from tltlrl.settings import check_value, settings_of
 from tltlrl.tasks.mjcf import observed, poses, prepared, quantities
-from tltlrl.tasks.mjcf.actuators import added_to, commanded, feedback_gains
+from tltlrl.tasks.mjcf.actuators import added_to, commanded, driven_joints, feedback_gains
 from tltlrl.tasks.mjcf.evaluation import mistakes_at, trained_of
 from tltlrl.tasks.mjcf.keys import RobotConfig
 from tltlrl.tasks.mjcf.model import digest_of, model_path, page_digest
@@ -73,6 +73,7 @@ class Robot(Task):
         self.sensed = self._sensor_values if sensed else None
         self.observation = observed.feature_groups(model, self._joints, sensed, at("model"))
         self._columns = observed.columns_of(parts, self.observation)
+        self.end_effector = observed.first_place(parts)
         self.units = {
             name: ", ".join(dict.fromkeys(quantities.FIELDS[part.field].unit for part in named))
             for name, named in parts.items()
@@ -84,6 +85,8 @@ class Robot(Task):
         self.command_noise = config.command_noise * self.command_scale
         columns = {("qpos", int(place)): i for i, place in enumerate(self._qpos)}
         columns |= {("qvel", int(place)): len(self._qpos) + i for i, place in enumerate(self._qvel)}
+        driven = [("qvel", int(model.jnt_dofadr[joint])) for joint in driven_joints(model)]
+        self._driven = np.array([columns[place] for place in driven if place in columns], dtype=np.intp)
         self.feedback = feedback_gains(model, trained.feedback, columns, self.width, at)
 
         self._start = poses.start_state(model, path, config, at)
@@ -99,6 +102,11 @@ class Robot(Task):
         self._reference = self._held(*poses.motion_through(model, points, self._start[1], samples), len(points) == 1)
         if self._ends_when is not None and self.terminated(self._reference[0][:1])[0]:
             raise at("ends_when")("it holds at the start already: no episode would begin")
+
+    @property
+    def joint_velocities(self) -> NDArray[np.intp] | None:
+        """Where the velocities of the hinges and slides that the commands move lie among the features."""
+        return self._driven if len(self._driven) else None
 
     def make_physics(self) -> Physics:
         """A new `Physics`; the model is compiled only once."""
