@@ -1,5 +1,6 @@
 """A stranger's robot by the commands: new, tasks, a run, its trials, and what is told when its model was changed."""
 
+import json
 import re
 import shlex
 import shutil
@@ -88,6 +89,20 @@ def test_from_a_model_to_trials(here, capsys):
         "tltl: arm.yaml:3: model: the model, or a file that it names, was changed since these results were made; "
         "put it back as it was, or train again under another name=...\n"
     )
+
+
+def test_a_robot_that_is_driven_by_speeds_is_shown_how_to_move_calmly(here, capsys):
+    servo = '<velocity name="turn" joint="turn" kv="5" ctrlrange="-2 2"/>'
+    (here / "arm.xml").write_text(re.sub("<motor.*?/>", servo, MODEL))
+    assert tltl("new", "arm.xml") == 0
+    (command,) = [line.split() for line in capsys.readouterr().out.splitlines() if line.startswith("  tltl-run ")]
+    assert command[-1] == "algorithm.calm=50"
+    assert cli.run([*command[1:], "algorithm.iterations=20", "algorithm.calm=5", "trials=3", "workers=1"]) == 0
+    results = json.loads((here / "runs/arm/tltl_episodic/seed_0/done.json").read_text())
+    learned, calm = results["motion"], results["calm"]["motion"]
+    assert calm["acceleration_rms"] < learned["acceleration_rms"]
+    assert calm["path_length"] <= learned["path_length"]
+    assert "| path length |" in (here / "runs/arm/report.md").read_text()
 
 
 def test_the_first_spec_is_one_that_nothing_is_said_against(here, capsys):

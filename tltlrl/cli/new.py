@@ -14,6 +14,7 @@ from tltlrl.errors import UserError
 GENTLY = (
     "algorithm.initial_std=0.3 algorithm.correlation=10"  # full commands that change at every step throw an arm about
 )
+CALM = " algorithm.calm=50"
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -34,11 +35,11 @@ def run(arguments: Namespace) -> int:
 
     page, spec = (Path(Path(arguments.file).name).with_suffix(suffix) for suffix in (".yaml", ".tltl"))
     _refuse(page, spec)
-    page_text, spec_text = draft(arguments.file, page)
-    _write(page, page_text)
-    _write(spec, spec_text)
+    found = draft(arguments.file, page)
+    _write(page, found.page)
+    _write(spec, found.spec)
     print(f"{page}: the robot; {spec}: what it is to do. Look at both, then")
-    print(f"  tltl-run task={page} seeds=1 algorithm.iterations=40 {GENTLY}")
+    print(f"  tltl-run task={page} seeds=1 algorithm.iterations=40 {GENTLY}{CALM * found.at_speeds}")
     print(f"It leaves its curves in runs/ as a picture; tltl tasks {page} says what a spec can speak of.")
     return 0
 

@@ -171,10 +171,21 @@ def _beyond(model: mujoco.MjModel, actuator: int) -> Array | None:
 
 def driven_joints(model: mujoco.MjModel) -> list[int]:
     """The hinges and slides that the actuators drive, rising; all hinges and slides where no actuator drives one."""
-    single = [joint for joint in range(model.njnt) if model.jnt_type[joint] in SINGLE]
-    of_joint = np.isin(model.actuator_trntype, OF_JOINT)
-    driven = {int(joint) for joint in model.actuator_trnid[of_joint, 0]}
-    return [joint for joint in single if joint in driven] or single
+    driven = {int(model.actuator_trnid[row, 0]) for row in range(model.nu) if drives_one(model, row)}
+    return sorted(driven) or [joint for joint in range(model.njnt) if model.jnt_type[joint] in SINGLE]
+
+
+def drives_one(model: mujoco.MjModel, actuator: int) -> bool:
+    """Whether an actuator drives a single hinge or slide."""
+    return bool(
+        model.actuator_trntype[actuator] in OF_JOINT and model.jnt_type[model.actuator_trnid[actuator, 0]] in SINGLE
+    )
+
+
+def sets_speed(model: mujoco.MjModel, actuator: int) -> bool:
+    """Whether an actuator's command is the speed of the hinge or slide that it drives."""
+    position, velocity = model.actuator_biasprm[actuator, 1:3]
+    return bool(drives_one(model, actuator) and position == 0 and velocity != 0)
 
 
 def feedback_gains(

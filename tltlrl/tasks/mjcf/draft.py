@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tltlrl.logic import is_signal_name
 from tltlrl.tasks.mjcf import quantities
-from tltlrl.tasks.mjcf.actuators import OF_JOINT, SINGLE
+from tltlrl.tasks.mjcf.actuators import drives_one, sets_speed
 from tltlrl.tasks.mjcf.model import Told
 from tltlrl.tasks.mjcf.observed import COMMAND, STATE
 
@@ -121,14 +121,10 @@ def _feedback(model: mujoco.MjModel, actuators: Sequence[str]) -> list[str]:
     """The lines of `feedback`, for the joints whose actuators have no feedback of their own."""
     gains = []
     for i, name in enumerate(actuators):
-        joint = int(model.actuator_trnid[i, 0])
-        if model.actuator_trntype[i] not in OF_JOINT or model.jnt_type[joint] not in SINGLE:
-            continue
         size = float(np.ptp(model.actuator_ctrlrange[i]) / 2)
-        position, velocity = model.actuator_biasprm[i, 1:3]
-        if position == 0 and velocity != 0:
+        if sets_speed(model, i):
             gains.append(f"{name}: -1")
-        elif position == 0:
+        elif drives_one(model, i) and model.actuator_biasprm[i, 1] == 0:
             gains.append(f"{name}: [{-size:.3g}, {-size / 5:.3g}]")
     return [f"feedback: {{{', '.join(gains)}}}  # in the commands' units, per rad and rad/s"] if gains else []
 

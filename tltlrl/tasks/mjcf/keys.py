@@ -59,7 +59,8 @@ class RobotConfig:
         "hold",
     )
     signals: dict[str, Any] = setting(
-        "what a spec can speak of, beside command; if none is named: all sensors of the model by name, qpos and qvel",
+        "what a spec can speak of, beside command; the path of the first that is a position is measured; if none is "
+        "named: all sensors of the model by name, qpos and qvel",
         {},
     )
     ends_when: str | None = setting("an episode ends early where this formula of the language holds", None)
