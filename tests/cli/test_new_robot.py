@@ -91,13 +91,15 @@ def test_from_a_model_to_trials(here, capsys):
     )
 
 
+@pytest.mark.usefixtures("with_sketches")
 def test_a_robot_that_is_driven_by_speeds_is_shown_how_to_move_calmly(here, capsys):
     servo = '<velocity name="turn" joint="turn" kv="5" ctrlrange="-2 2"/>'
     (here / "arm.xml").write_text(re.sub("<motor.*?/>", servo, MODEL))
     assert tltl("new", "arm.xml") == 0
     (command,) = [line.split() for line in capsys.readouterr().out.splitlines() if line.startswith("  tltl-run ")]
     assert command[-1] == "algorithm.calm=50"
-    assert cli.run([*command[1:], "algorithm.iterations=20", "algorithm.calm=5", "trials=3", "workers=1"]) == 0
+    small = ("algorithm.iterations=8", "algorithm.samples=10", "algorithm.calm=5", "trials=3", "workers=1")
+    assert cli.run([*command[1:], *small]) == 0
     results = json.loads((here / "runs/arm/tltl_episodic/seed_0/done.json").read_text())
     learned, calm = results["motion"], results["calm"]["motion"]
     assert calm["acceleration_rms"] < learned["acceleration_rms"]
