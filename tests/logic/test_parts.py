@@ -40,9 +40,7 @@ def test_parts_are_what_each_trajectory_is_explained_by(text, whole):
     np.testing.assert_array_equal(np.stack(list(clauses.values()))[parts.clause, np.arange(40)], robustness)
     np.testing.assert_array_equal(parts.robustness, robustness)
     some, of_some = parts.of_first(7), spec.parts({name: values[:7] for name, values in signals.items()}, lengths[:7])
-    assert [str(getattr(some, field.name)) for field in dataclasses.fields(some)] == [
-        str(getattr(of_some, field.name)) for field in dataclasses.fields(some)
-    ]
+    np.testing.assert_equal(dataclasses.asdict(some), dataclasses.asdict(of_some))
     over_time = spec.definitions_over_time(signals, lengths)
     for name, values in over_time.items():
         np.testing.assert_array_equal(parts.highest[name], np.nanmax(values, axis=1))

@@ -127,7 +127,7 @@ def parts(meaning: Meaning, read: Reading, values: Mapping[int, Array], lengths:
     Args:
       meaning: the spec's meaning.
       read: its `reading`.
-      values: values of the nodes that it names, node => (N, T).
+      values: values of the nodes that it names, node => (N, T); those read at the first sample alone may be shorter.
       lengths: samples of each trajectory that count, (N,).
     """
     clauses = {text: values[clause.node][:, 0] for text, clause in read.clauses.items()}
@@ -137,12 +137,13 @@ def parts(meaning: Meaning, read: Reading, values: Mapping[int, Array], lengths:
     number: dict[str | None, int] = {None: -1} | {name: i for i, name in enumerate(named)}
     deciding = np.empty(len(lengths), dtype=np.intp)
     for i, (clause, names) in enumerate(zip(read.clauses.values(), read.names, strict=True)):
-        for row in np.flatnonzero(first == i).tolist():
-            name, *others = names
-            if others:  # the values say which
-                length = int(lengths[row])
-                name = descend(clause, _Trajectory(values, row, length), length, None).name
-            deciding[row] = number[name]
+        rows = np.flatnonzero(first == i)
+        if len(names) == 1:
+            deciding[rows] = number[next(iter(names))]
+            continue
+        for row in rows.tolist():  # the values say which
+            length = int(lengths[row])
+            deciding[row] = number[descend(clause, _Trajectory(values, row, length), length, None).name]
     return Parts(
         clauses,
         {name: np.where(counts, array, -np.inf).max(axis=1) for name, array in named.items()},

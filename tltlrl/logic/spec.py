@@ -24,7 +24,7 @@ from tltlrl.logic.online.pursuit import Compiled, compiled
 from tltlrl.logic.online.sheet import Sheet
 from tltlrl.logic.online.witness import Witnessed
 from tltlrl.logic.parser import parse
-from tltlrl.logic.parts import Parts, Reading, clauses_of, conjuncts_of, parts, reading, wanted
+from tltlrl.logic.parts import Parts, Reading, conjuncts_of, parts, reading, wanted
 from tltlrl.logic.reach import beyond
 from tltlrl.logic.resolve import resolve
 from tltlrl.logic.semantics import Plan, Signals, plan
@@ -308,7 +308,7 @@ class Spec:
         """
         if self.period is None and self.counts_seconds:
             raise self._without_period(SpecError)
-        ready = {text: self._compile(clause.node) for text, clause in clauses_of(self._meaning).items()}
+        ready = {text: self._compile(clause.node) for text, clause in self._reading.clauses.items()}
         return {text: Monitor(own, 1, self._sample) for text, own in ready.items()}
 
     def watch(self, period: float | None = None) -> Witnessed:
@@ -441,8 +441,7 @@ class Spec:
         Clauses are the operands of the conjunction at the top of the formula, or the formula itself. The smallest of
         their values is the robustness.
         """
-        own = clauses_of(self._meaning)
-        batch = self._batch(signals, lengths)
+        own, batch = self._reading.clauses, self._batch(signals, lengths)
         values = self._at_start(batch, tuple(dict.fromkeys(clause.node for clause in own.values())))
         return {text: values[clause.node] for text, clause in own.items()}
 

@@ -127,9 +127,8 @@ def test_its_motion_is_measured_by_the_joints_that_it_drives_and_its_first_posit
     assert found == pytest.approx(expected)
     without = robot("model: arm.xml\ncommands: [elbow]\nsignals: {height: site_xpos.tip.z, velocity: site_xvelp.tip}\n")
     assert without.end_effector is None
-    assert without.joint_velocities.tolist() == [
-        len(without.observation[0].parts) + 1
-    ]  # after all positions, the elbow
+    elbow = len(without.observation[0].parts) + 1  # after all positions and the shoulder
+    assert without.joint_velocities.tolist() == [elbow]
 
 
 def test_a_reference_passes_its_waypoints_and_its_commands_hold_it(robot):

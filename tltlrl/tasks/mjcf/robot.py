@@ -105,7 +105,10 @@ class Robot(Task):
 
     @property
     def joint_velocities(self) -> NDArray[np.intp] | None:
-        """Where the velocities of the hinges and slides that the commands move lie among the features."""
+        """Where the velocities of the hinges and slides that the commands drive lie among the features.
+
+        All of them where the commands drive none by itself, as through tendons.
+        """
         return self._driven if len(self._driven) else None
 
     def make_physics(self) -> Physics:
