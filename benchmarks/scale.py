@@ -32,7 +32,8 @@ ITERATIONS, SEEDS = 500, 20
 
 def plan(task: str) -> Study:
     """A study of every case of a task on 20 seeds."""
-    return read(compose([f"experiment={task}", f"seeds={SEEDS}", f"algorithm.iterations={ITERATIONS}"]))[0]
+    size = [f"seeds={SEEDS}", f"algorithm.iterations={ITERATIONS}", "trials=1"]
+    return read(compose([f"experiment={task}", *size]))[0]
 
 
 def stretched(real: Path, made: Path, rng: np.random.Generator, **same: object) -> None:

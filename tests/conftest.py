@@ -1,5 +1,6 @@
 """The same examples on every run: a test that fails once fails again. And Ctrl-C, for tests of it."""
 
+import gc
 import signal
 from pathlib import Path
 
@@ -20,6 +21,12 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a job that a scri
 def pytest_collection_modifyitems(items):
     """The longest begin first, so that no worker waits for another one at the end."""
     items.sort(key=lambda item: item.path.name != "test_readme.py")
+
+
+def pytest_collection_finish():
+    """What is imported by now stays: the garbage collector need not go through it again, here and in what is forked."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture

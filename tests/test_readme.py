@@ -84,7 +84,7 @@ def test_reproduce_figures_in_small(tmp_path):
 def test_write_your_own_spec(folder):
     """Ten lines that work when typed, and learn; here in a part of the time."""
     script = SHELL[1]
-    path = forked.sketched()["PYTHONPATH"]  # the films are real, the plots sketches
+    path = forked.sketched()["PYTHONPATH"]  # the films are real and small, the plots sketches
     printed = shell(script.replace(" seeds=1\n", f" seeds=1 {PART}\n"), folder, PYTHONPATH=path)
     assert "satisfied 1 of 1" in printed
     assert "success rate" in printed

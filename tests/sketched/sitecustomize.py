@@ -1,4 +1,4 @@
-"""With this folder on PYTHONPATH, the pictures of every tltlrl command are sketches, also in what a command starts."""
+"""With this folder on PYTHONPATH, tltlrl commands and what they start draw sketches for plots, and small films."""
 
 import importlib.util
 import sys
@@ -6,22 +6,25 @@ from importlib.abc import MetaPathFinder
 
 from sketch import sketch
 
-PLOTTING = "tltlrl.reports.plotting"
+CHANGED = {
+    "tltlrl.reports.plotting": {"picture": sketch},
+    "tltlrl.reports.video": {"HEIGHT": 90, "WIDTH": 120},
+}
 
 
 class Sketched(MetaPathFinder):
-    """Replaces `picture` as soon as its module is imported, and imports nothing itself."""
+    """Changes those modules as soon as they are imported, and imports nothing itself."""
 
     def find_spec(self, name, path, target=None):  # noqa: ARG002
-        if name != PLOTTING:
+        if name not in CHANGED:
             return None
-        sys.meta_path.remove(self)
+        changes = CHANGED.pop(name)
         spec = importlib.util.find_spec(name)
         load = spec.loader.exec_module
 
         def exec_module(module):
             load(module)
-            module.picture = sketch
+            vars(module).update(changes)
 
         spec.loader.exec_module = exec_module
         return spec

@@ -96,13 +96,15 @@ def test_grid_search_gives_one_row_per_point_and_seed():
 
 def test_grid_search_of_the_toast_task_is_in_mujoco_and_episode_based(tmp_path, monkeypatch):
     assert not set(grid_search.MORE_SEEDS) & set(grid_search.SEEDS)
+    assert len(grid_search.points("toast", "continuous")) == 36
+    monkeypatch.setitem(grid_search.GRIDS, ("toast", "continuous"), {"c2": (0.0, 0.9), "c3": (0.001, 0.01, 0.1)})
     monkeypatch.setattr(grid_search, "MORE_SEEDS", grid_search.MORE_SEEDS[:2])
     grid_search.main(["toast", "--iterations", "1", "--seeds", "100", "--finalists", "1", "--output", str(tmp_path)])
     results = pd.read_csv(tmp_path / "grid_search_toast.csv")
     assert set(results["physics"]) == {"mujoco"}
     assert set(results["case"]) == {"continuous_episodic"}
     first, again = results[results["seed"] == 100], results[results["seed"] != 100]
-    assert len(first[["c2", "c3"]].drop_duplicates()) == len(first) == 36
+    assert len(first[["c2", "c3"]].drop_duplicates()) == len(first) == 6
     assert set(again["seed"]) == set(grid_search.MORE_SEEDS)
     assert len(again) == 2
     assert len(again[["c2", "c3"]].drop_duplicates()) == 1
@@ -128,7 +130,7 @@ def test_smoothness_judges_the_policies_and_trials_of_the_summary(tmp_path):
         "cases=[tltl_episodic]",
         "seeds=1",
         "workers=1",
-        "trials=3",
+        "trials=2",
         "algorithm.iterations=1",
         f"runs_dir={tmp_path}",
     ]

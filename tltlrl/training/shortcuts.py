@@ -21,7 +21,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solveh_banded
 
 Array = NDArray[np.float64]
 
@@ -228,6 +227,8 @@ def smoothed(piece: Array, before: Array, after: Array, width: float) -> Array:
       before, after: speeds at its ends, shapes (j,).
       width: steps.
     """
+    from scipy.linalg import solveh_banded  # slow to import; a run that is not made calm does without
+
     bends = np.diff(np.vstack([before, piece, after]), n=3, axis=0)  # D' D q of the inner points, D second differences
     if not len(bends):
         return piece
