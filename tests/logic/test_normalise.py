@@ -57,6 +57,24 @@ def test_the_scale_is_the_standard_deviation_of_a_predicate_and_one_for_a_family
     np.testing.assert_allclose(values, np.minimum(1 - x, 1 - 3 * x).min(axis=1) / spread)
 
 
-def test_a_predicate_that_never_changes_keeps_its_margin():
-    spec = parse_spec("signal x\nspec: G x < 3").normalised({"x": np.ones((4, 5))})
-    np.testing.assert_array_equal(spec.robustness({"x": np.ones((4, 5))}), 2.0)
+@given(UNITS, st.sampled_from([0.0, 1e-17]), st.integers(0, 2**32 - 1))
+def test_the_unit_of_a_predicate_that_never_changes_does_not_matter_either(c, jitter, seed):
+    """It may change later: then it counts in shares of what its margin was, and not of its rounding errors."""
+    rng = np.random.default_rng(seed)
+    x = rng.normal(size=(4, 6))
+    still = {"x": x, "y": 0.25 + jitter * rng.normal(size=x.shape)}
+    moved = {"x": x, "y": 0.25 + rng.normal(size=x.shape)}
+    plain, other = (
+        parse_spec(f"signal x\nsignal y\nspec: F x > 0 & G {unit!r} * y < {unit!r} * 3").normalised(still)
+        for unit in (1.0, c)
+    )
+    np.testing.assert_allclose(other.robustness(moved), plain.robustness(moved), rtol=1e-9)
+    np.testing.assert_allclose(other.robustness(still), plain.robustness(still), rtol=1e-9)
+    assert np.all(plain.robustness(still) <= 1)
+
+
+def test_a_predicate_that_never_changes_is_divided_by_its_margin():
+    signals = {"x": np.ones((4, 5))}
+    for formula, value in (("G x < 3", 1.0), ("G x > 3", -1.0), ("G x < 1", 0.0)):
+        spec = parse_spec(f"signal x\nspec: {formula}").normalised(signals)
+        np.testing.assert_array_equal(spec.robustness(signals), value)

@@ -1,5 +1,6 @@
 """Traps of the manual are told, where they are, and nothing else is."""
 
+import numpy as np
 import pytest
 
 from tltlrl.logic import load_spec, parse_spec
@@ -26,6 +27,8 @@ from tltlrl.resources import SPECS
         ("G X[!] x < 1", 3, "'X[!] x < 1' fails at the last sample"),
         ("X x < 1", 1, "on a trajectory that ends there, 'X x < 1' holds with the value +inf"),
         ("G (x < 1 => X G !x < 1)", 1, "'x < 1' may hold at one sample only"),
+        ("F x < 1 & G (x < 1 => X y < 1)", 11, "if it must follow, add F (x < 1 & X[!] y < 1)"),
+        ("F x < 1 & G (x < 1 => X y < 1) & F (x < 1 & X[!] y < 1)", 0, ""),
         ("signal x\ndef p: F[0,5] x < 1\nspec: G p", 8, "write F[0, 5?]"),
         ("signal x\ndef p[i in a, b]: F[0,5] x < 1\nspec: all i in a, b: G p[i]", 19, "write F[0, 5?]"),
         ("F[0,3] x < 1 xor G y < 1", 0, ""),
@@ -47,7 +50,24 @@ def test_traps(formula, column, told):
 
 @pytest.mark.parametrize(
     ("name", "count"),
-    [("reach_avoid", 1), ("visit_in_order", 1), ("toast", 0), ("toast_smooth", 0), ("toast_gentle", 0)],
+    [
+        ("reach_avoid", 1),
+        ("visit_in_order", 1),
+        ("toast", 0),
+        ("toast_eq37", 1),
+        ("toast_smooth", 0),
+        ("toast_gentle", 0),
+    ],
 )
 def test_traps_of_the_specs(name, count):
     assert len(load_spec(SPECS / f"{name}.tltl").traps) == count
+
+
+def test_what_may_hold_at_the_last_sample_alone_must_be_followed_once_the_advice_is_taken():
+    formula = "F x < 1 & G (x < 1 => X y < 1)"
+    (trap,) = parse_spec(formula).traps
+    mended = parse_spec(f"{formula} & {trap.text.split('add ')[1]}")
+    assert not mended.traps
+    for x, y, satisfied in (([2, 2, 0], [9, 9, 9], (True, False)), ([2, 0, 2], [9, 9, 0], (True, True))):
+        signals = {"x": np.array([x], float), "y": np.array([y], float)}
+        assert tuple(spec.robustness(signals)[0] > 0 for spec in (parse_spec(formula), mended)) == satisfied

@@ -6,7 +6,9 @@ sign, so a trajectory satisfies the normalised spec if and only if it satisfies 
 predicate decides, and by how much.
 
 The spread of a predicate is the standard deviation of its margin over all samples. Predicates
-written at the same place, such as the members of a family, share one spread: the root mean square of their own.
+written at the same place, such as the members of a family, share one spread: the root mean square of their own. A
+predicate that does not change there, but for rounding, is divided by its largest margin, so that its unit does not
+matter either.
 """
 
 from collections import defaultdict
@@ -18,6 +20,8 @@ import numpy as np
 from tltlrl.logic.graph import Array, Graph
 from tltlrl.logic.meaning import Meaning, Truth
 from tltlrl.logic.shortcut import at_start
+
+ROUNDING = 1e-9  # of the largest margin: what changes by less does not change
 
 
 def predicates(formula: Truth) -> dict[int, object]:
@@ -36,18 +40,21 @@ def predicates(formula: Truth) -> dict[int, object]:
 
 
 def spreads(places: Mapping[int, object], margins: Mapping[int, Array]) -> dict[int, float]:
-    """The spread of each predicate; 1 where its margin never changes.
+    """The spread of each predicate; its largest margin where it never changes, or 1 where that is 0.
 
     Args:
       places: predicate's node => where it is written.
       margins: predicate's node => its values, of any shape; values that are not finite are ignored.
     """
-    variances = defaultdict(list)
+    seen = defaultdict(list)
     for node, place in places.items():
-        seen = margins[node][np.isfinite(margins[node])]
-        variances[place].append(float(np.var(seen)) if len(seen) else 0.0)
-    spread = {place: float(np.sqrt(np.mean(values))) for place, values in variances.items()}
-    return {node: spread[place] or 1.0 for node, place in places.items()}
+        seen[place].append(margins[node][np.isfinite(margins[node])])
+    scales: dict[object, float] = {}
+    for place, values in seen.items():
+        spread = float(np.sqrt(np.mean([np.var(margin) if len(margin) else 0.0 for margin in values])))
+        largest = float(max(np.max(np.abs(margin), initial=0.0) for margin in values))
+        scales[place] = spread if spread > ROUNDING * largest else largest or 1.0
+    return {node: scales[place] for node, place in places.items()}
 
 
 def divided(meaning: Meaning, scales: Mapping[int, float]) -> Meaning:

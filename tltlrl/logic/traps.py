@@ -70,6 +70,9 @@ def traps(document: syntax.Document) -> tuple[Trap, ...]:
         seen.add((id(node), place))
         for text in _told(node, place):
             found[node.span.line, node.span.column, text] = None
+        if isinstance(node, syntax.And) and place == _Place():
+            for part, text in _of_conjunction(node):
+                found[part.span.line, part.span.column, text] = None
         stack.extend(_parts(node, place))
         if isinstance(node, syntax.Index):
             node = node.base
@@ -148,6 +151,23 @@ def _told(node: Node, place: _Place) -> Iterator[str]:
                 f"{_short(p)} may hold at one sample only, so that the robustness is at most half of its largest "
                 "change from one sample to the next"
             )
+
+
+def _of_conjunction(conjunction: syntax.And) -> Iterator[tuple[Node, str]]:
+    """What is to be said of an operand of a conjunction beside the others: of `F p & G (p => X q)`, its second."""
+    operands = conjunction.operands
+    met = [part.operand for part in operands if isinstance(part, syntax.Eventually) and part.interval is None]
+    for part in operands:
+        match part:
+            case syntax.Always(syntax.Implies(p, syntax.Next(q, False)), None) if p in met:
+                followed = syntax.Next(q, strong=True, span=part.span)
+                asked = syntax.And((p, followed), span=part.span)
+                if asked not in met:
+                    yield (
+                        part,
+                        f"{_short(p)} may hold at the last sample alone, and then nothing is asked of what follows; "
+                        f"if it must follow, add F ({asked})",
+                    )
 
 
 def _cut(node: Node, now: str, written: str, then: str) -> str:

@@ -23,3 +23,12 @@ def trials(simulator: Simulates, policy: Policy, count: int, rng: np.random.Gene
     offsets = np.broadcast_to(policy.mean, (count, *policy.mean.shape))
     noise = simulator.draw_command_noise(count, rng)
     return simulator.rollout(policy.gain, offsets, noise, simulator.draw_starts(count, rng))
+
+
+def starts_after_the_first(simulator: Simulates, count: int, rng: np.random.Generator) -> Array | None:
+    """Random starts of `count` trajectories after one from the task's own start, shape (1 + count, k).
+
+    None where all start alike.
+    """
+    starts = simulator.draw_starts(count, rng)
+    return None if starts is None else np.concatenate([np.zeros((1, starts.shape[1])), starts])

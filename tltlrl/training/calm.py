@@ -1,7 +1,7 @@
 """Makes a learned motion calm, as motion planners simplify their paths: removes movement that the spec does not need.
 
 The method tries shortcuts (`tltlrl.training.shortcuts`) of the commands. A shortcut stays if the exact robustness stays
-above a share of the learned robustness, and if the robustness with noise stays above 0.
+above a share of the learned robustness, and if the robustness with noise, from random starts, stays above 0.
 
 Proposals are commands u, simulated without feedback. Let s be the motion that u leads to. Without noise, the policy
 u_t + K (s'_t - s_t) makes the same motion for any gain K. So this works for every task and every feedback.
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from tltlrl.learning.policy import Policy
 from tltlrl.logic import Spec
 from tltlrl.simulation.rollout import Trajectories
-from tltlrl.simulation.trials import mean_motion
+from tltlrl.simulation.trials import mean_motion, starts_after_the_first
 from tltlrl.tasks.task import Task
 from tltlrl.training.build import Setup
 from tltlrl.training.shortcuts import shortcuts, together
@@ -110,8 +110,8 @@ def calmer(run: Run, setup: Setup, policy: Policy, calm: Calm, least: float, str
         whole[..., joints] = of_joints * scale
         return whole
 
-    def rollout(gain: Array, offsets: Array, noise: Array) -> tuple[Trajectories, Array]:
-        motion = setup.simulator.rollout(gain, offsets, noise)
+    def rollout(gain: Array, offsets: Array, noise: Array, starts: Array | None = None) -> tuple[Trajectories, Array]:
+        motion = setup.simulator.rollout(gain, offsets, noise, starts)
         simulated.append(motion)
         signals = setup.task.signals(motion.features, motion.commands)
         return motion, run.spec.robustness(signals, motion.lengths)
@@ -127,7 +127,8 @@ def calmer(run: Run, setup: Setup, policy: Policy, calm: Calm, least: float, str
             offsets = sent[0] - motion.features[0] @ policy.gain.T
             noise = setup.simulator.draw_command_noise(1 + NOISY, rng)
             noise[0] = 0
-            _, robustness = rollout(policy.gain, np.broadcast_to(offsets, noise.shape), noise)
+            starts = starts_after_the_first(setup.simulator, NOISY, rng)
+            _, robustness = rollout(policy.gain, np.broadcast_to(offsets, noise.shape), noise, starts)
             if robustness[0] >= least and robustness.min() > 0:
                 kept = Calm(sent[0], offsets, events(run.spec, setup.task, motion), 0, 0, 0)
                 break

@@ -42,7 +42,8 @@ def with_later(settings: Mapping[str, Any]) -> dict[str, Any]:
 
 # Raised when the same settings give other results, so that old results are not taken for new ones.
 LEXIMIN_EDITION = 2  # over conjuncts, no longer over clauses
-CALM_EDITION = 2  # shortcuts that know the events
+CALM_EDITION = 3  # shortcuts that know the events, tried from other starts, too
+NORMALISE_EDITION = 2  # a predicate that never changes is divided by its margin
 
 
 @dataclass(frozen=True)
@@ -201,6 +202,8 @@ class Run:
             asked["leximin"] = LEXIMIN_EDITION
         if self.algorithm.calm:
             asked["calm"] = CALM_EDITION
+        if self.algorithm.normalise:
+            asked["normalise"] = NORMALISE_EDITION
         return digest(json.dumps(asked, sort_keys=True).encode())
 
 

@@ -14,7 +14,7 @@ from tltlrl.simulation.motion import measures
 from tltlrl.simulation.perturb import Perturbation, perturbed_trials
 from tltlrl.simulation.rollout import Trajectories
 from tltlrl.simulation.simulator import simulator_of
-from tltlrl.simulation.trials import mean_motion, trials
+from tltlrl.simulation.trials import mean_motion, starts_after_the_first, trials
 from tltlrl.tasks.task import Signals, Task
 from tltlrl.training.build import Setup, make_evaluation_task, make_task
 from tltlrl.training.study import Run
@@ -84,10 +84,7 @@ def motions(run: Run, policy: Policy, samples: int, rng: np.random.Generator) ->
     simulator = simulator_of(task)
     offsets = np.concatenate([policy.mean[None], policy.sample(samples, rng)])
     noise = np.concatenate([np.zeros((1, *policy.mean.shape)), simulator.draw_command_noise(samples, rng)])
-    starts = simulator.draw_starts(samples, rng)
-    if starts is not None:
-        starts = np.concatenate([np.zeros((1, starts.shape[1])), starts])
-    moved = simulator.rollout(policy.gain, offsets, noise, starts)
+    moved = simulator.rollout(policy.gain, offsets, noise, starts_after_the_first(simulator, samples, rng))
     signals = task.signals(moved.features, moved.commands)
     return Motions(signals, moved.lengths, run.spec.robustness(signals, moved.lengths))
 
