@@ -95,6 +95,8 @@ def test_a_spec_of_ones_own_with_constants(tmp_path):
         gymnasium.make(
             "tltlrl/ReachAvoid-v0", spec=parse_spec("signal ee[2]\nspec: G (ee.x > 0 => F[0,300] G ee.y > 0)")
         )
+    with pytest.raises(UserError, match="spec: it needs a signal foo, which reach_avoid has not"):
+        gymnasium.make("tltlrl/ReachAvoid-v0", spec=parse_spec("F foo > 0"))
 
 
 @pytest.mark.parametrize(

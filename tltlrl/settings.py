@@ -66,13 +66,18 @@ def without_places(settings: Any) -> dict[str, Any]:
 
 
 def check(settings: Any, section: str) -> None:
-    """Checks that every field of a dataclass is within its bounds.
+    """Checks that every field of a dataclass is within its bounds, and a whole number where it has to be.
 
     Raises:
       UserError: if one is not; it names `section`.key, the value and the bound.
     """
-    for name, allowed in settings_of(type(settings)).items():
-        check_value(f"{section}.{name}", getattr(settings, name), allowed)
+    for field in dataclasses.fields(settings):
+        if (allowed := field.metadata.get("setting")) is None:
+            continue
+        key, value = f"{section}.{field.name}", getattr(settings, field.name)
+        if field.type in ("int", int) and not isinstance(value, int):
+            raise UserError(f"{key}: expected a whole number, not {value!r}")
+        check_value(key, value, allowed)
 
 
 def check_value(key: str, value: Any, allowed: Setting) -> None:

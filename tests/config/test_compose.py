@@ -2,16 +2,26 @@
 
 import re
 from pathlib import Path
+from typing import get_origin, get_type_hints
 
 import pytest
 
-from tltlrl.config.compose import as_meant, compose
+from tltlrl.config.compose import OPEN, as_meant, compose
 from tltlrl.config.machinery import Machinery
 from tltlrl.config.read import read
 from tltlrl.errors import UserError
+from tltlrl.registry import TASKS
 from tltlrl.resources import SPECS, spec_path, user_path
 
 ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize("task", [*TASKS.built_in, "mjcf", "suite", "gymnasium"])
+def test_keys_of_every_mapping_of_a_task_can_be_set_one_by_one(task):
+    """Those of `evaluation`, too, which a page need not have."""
+    config = TASKS.get(task).config
+    mappings = [name for name, hint in get_type_hints(config).items() if get_origin(hint) is dict]
+    assert {f"task.{name}.".startswith(OPEN) for name in mappings} <= {True}
 
 
 def composed(*overrides):

@@ -73,6 +73,10 @@ def test_what_is_given_wins_over_what_a_task_alone_stands_for():
         (["task=reach_avoyd"], "task=reach_avoyd: there is no such task; did you mean reach_avoid"),
         (["task=reach_avoid", "reward=nothing"], "reward=nothing: there is no such reward"),
         (["task=reach_avoid", "algorithm.sigma=3"], r"algorithm\.sigma: no such key; did you mean algorithm\.basis"),
+        (
+            ["experiment=reach_avoid", "cases=[tltl_cma]", "algorithm.kept=7"],  # of another learner, and written down
+            r"algorithm\.kept: 7.0 is too large",
+        ),
         (["experiment=reach_avoid", "cases=[tltl_stepwise]"], "cases: no case is named tltl_stepwise; did you mean"),
         (["experiment=toast", "cases=[discrete_episodic]"], "cases: no case is named discrete_episodic"),
         (["experiment=reach_avoid", "cases=[]"], r"cases: \[\] must name at least one case"),

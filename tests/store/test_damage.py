@@ -306,7 +306,7 @@ def test_a_full_disk_is_told_and_the_same_command_goes_on(undisturbed, tmp_path,
     assert "Traceback" not in said
     last = said.splitlines()[-1]
     assert last.startswith(f"tltl-run: {tmp_path}/small/")
-    assert last.endswith("see to the disk or the folder and start the command again: what is done is kept")
+    assert last.endswith("check the disk or the folder, then start the command again: what is done is kept")
     code, errors = tltl_run(tmp_path / "small", forked.with_sketches)
     assert code == 0, errors
     assert result(tmp_path / "small") == result(undisturbed)

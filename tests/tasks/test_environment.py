@@ -131,6 +131,11 @@ def test_load_task_has_the_first_hand_made_reward(name):
     assert [s.reward for s in stepped(loaded, commands)] == [s.reward for s in stepped(expected, commands)]
 
 
+def test_a_spec_of_other_signals_is_told():
+    with pytest.raises(UserError, match=r"^spec: it needs a signal foo, which reach_avoid has not"):
+        environment(TASKS.get("reach_avoid").make(TASKS.get("reach_avoid").config()), parse_spec("F foo > 0"))
+
+
 def test_an_unknown_task_is_told():
     with pytest.raises(UserError, match=r"^no task is named tost; did you mean toast\?$"):
         tltlrl.load_task("tost")

@@ -276,6 +276,7 @@ def test_reach_avoid_is_learned_in_short(rule, tmp_path):
     ("values", "message"),
     [
         ({"iterations": 0}, "algorithm.iterations: 0 is too small; it must be at least 1"),
+        ({"iterations": 2.5}, "algorithm.iterations: expected a whole number, not 2.5"),
         ({"samples": 1}, "algorithm.samples: 1 is too small; it must be at least 2"),
         ({"initial_std": 0.0}, "algorithm.initial_std: 0.0 is too small; it must be above 0"),
         ({"feedback": 1e7}, "algorithm.feedback: 10000000.0 is too large; it must be at most 1000000.0"),
@@ -361,6 +362,7 @@ def test_the_best_mean_policy_may_be_kept(tmp_path):
     ("refine", "message"),
     [
         ("{after: 3, samples: 9}", r"algorithm\.refine\.samples: it is the same in both stages"),
+        ("{after: 3, policy: mine}", r"algorithm\.refine\.policy: it is the same in both stages"),
         ("{initial_std: 0.1}", r"algorithm\.refine\.after: expected the iterations of the first stage"),
         ("{after: 0}", r"algorithm\.refine\.after: .* not 0"),
         ("{after: 3, kept: 1.5}", r"algorithm\.kept: 1.5 is too large"),

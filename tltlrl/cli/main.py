@@ -144,7 +144,7 @@ def mistakes_told(name: str, command: Callable[[], int]) -> int:
     except OSError as error:
         where = f"{error.filename}: " if error.filename is not None else ""
         _say(
-            f"{name}: {where}{error.strerror or error}; see to the disk or the folder and start the command again: "
+            f"{name}: {where}{error.strerror or error}; check the disk or the folder, then start the command again: "
             "what is done is kept"
         )
     except Exception as error:

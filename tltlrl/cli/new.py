@@ -40,7 +40,7 @@ def run(arguments: Namespace) -> int:
     _write(spec, found.spec)
     print(f"{page}: the robot; {spec}: what it is to do. Look at both, then")
     print(f"  tltl-run task={page} seeds=1 algorithm.iterations=40 {GENTLY}{CALM * found.at_speeds}")
-    print(f"It leaves its curves in runs/ as a picture; tltl tasks {page} says what a spec can speak of.")
+    print(f"It draws its curves into runs/; tltl tasks {page} lists what a spec can speak of.")
     return 0
 
 

@@ -25,7 +25,7 @@ OPEN = (  # sections whose keys may be missing from the config
     "constants.",
     "algorithm.",
     "reward.step.",
-    *(f"task.{key}." for key in ("actuators", "feedback", "signals", "start")),
+    *(f"task.{key}." for key in ("actuators", "evaluation", "feedback", "signals", "start")),
 )
 WORDS = ("null", "true", "false", "nan", "inf")  # words that Hydra does not read as text
 

@@ -12,6 +12,7 @@ from omegaconf.errors import OmegaConfBaseException
 from tltlrl.config.keys import KEYS, algorithm_settings, kept
 from tltlrl.config.machinery import Engine, Machinery
 from tltlrl.errors import UserError, nearest
+from tltlrl.learning.reps import RepsSettings
 from tltlrl.logic import load_spec
 from tltlrl.registry import LEARNERS, TASKS
 from tltlrl.resources import spec_path, user_path
@@ -115,6 +116,8 @@ def _algorithm(
         return {key: value for key, value in values.items() if key in names}
 
     common = dataclass_from(AlgorithmConfig, of(AlgorithmConfig), where)
+    if RepsSettings not in kinds.values():  # its keys are there all the same
+        dataclass_from(RepsSettings, of(RepsSettings), where, defaults=True)
     return common, {name: dataclass_from(kind, of(kind), where, defaults=True) for name, kind in kinds.items()}
 
 
@@ -126,7 +129,7 @@ def _refinement(values: Mapping[str, Any], learners: Iterable[str]) -> dict[str,
     where, after = "algorithm.refine", changed.pop("after", None)
     if type(after) is not int or after < 1:
         raise UserError(f"{where}.after: expected the iterations of the first stage, a whole number, not {after!r}")
-    common = ("iterations", "samples", "told", "normalise", "keep", "calm", "calm_share", "refine")
+    common = ("iterations", "samples", "told", "normalise", "keep", "calm", "calm_share", "refine", "policy")
     same = [name for name in common if name in changed]
     if same:
         raise UserError(

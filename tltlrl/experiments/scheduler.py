@@ -1,7 +1,7 @@
 """Runs on the workers of a Dask scheduler of the user's: who answers there, who may compute, who is waited for.
 
-A worker with other code or other versions than the command's would give other numbers, and nobody would know: every job
-says what it is to be computed with, and a worker that differs refuses it.
+A worker with other code or other versions than the command's would give other numbers, unnoticed. So every job names
+the code and the versions that it needs, and a worker with others refuses it.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ class Answer:
     Attributes:
       worker: its address.
       machine: its host and processor.
-      refusal: what it differs in, and so has computed nothing; empty if it has.
-      error: of the run. As a result: raised, Dask would log it as a fault of the worker.
+      refusal: why it computed nothing; empty if it did.
+      error: the error of the run. It is returned, because Dask would log a raised one as the worker's fault.
     """
 
     worker: str

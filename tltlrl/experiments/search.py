@@ -458,7 +458,7 @@ def best_command(search: Search, row: Mapping[str, Any]) -> str:
 
 
 def describe(parameters: Parameters) -> str:
-    """For messages."""
+    """Parameters as text, for messages."""
     return ", ".join(f"{key}={_short(value)}" for key, value in parameters.items())
 
 

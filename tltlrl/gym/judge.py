@@ -18,7 +18,7 @@ KNOWN = ("robustness", "lower", "upper")
 
 
 class Judgement(NamedTuple):
-    """Of the last sample of N environments.
+    """The judgement of the last sample of N environments.
 
     Attributes:
       rewards: (N,), 0 at the first sample of an episode.

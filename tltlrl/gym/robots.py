@@ -18,6 +18,7 @@ from tltlrl.logic import Spec, load_spec
 from tltlrl.registry import TASKS
 from tltlrl.resources import spec_path
 from tltlrl.simulation.stepping import Stepper
+from tltlrl.tasks.fits import check_fits
 from tltlrl.tasks.task import Task, TaskEntry, draw_command_noise, draw_starts
 
 LARGEST = 1e6  # observations are cut to this size
@@ -43,6 +44,7 @@ class _Robots:
         elif constants:
             raise UserError("constants: they go with the file of a spec; pass spec=FILE, or load the spec with them")
         spec = spec.sampled(self.task.control_timestep)
+        check_fits(spec, self.task)
         self.judge, self.stepper, self.noise = Judge(spec, reward, n), Stepper(self.task, n), noise
         self.over, self._time = np.ones(n, dtype=np.bool_), np.zeros(n, dtype=int)
         size = len(self.task.command_scale)

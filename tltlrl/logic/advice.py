@@ -119,11 +119,6 @@ class Stop:
         return self.accepts == {"NAME"}
 
     @property
-    def number_wanted(self) -> bool:
-        """Whether nothing but a number can stand here."""
-        return self.accepts <= {"NUMBER", "MINUS"}
-
-    @property
     def operand_wanted(self) -> bool:
         """Whether a formula or an expression begins here."""
         return {"NAME", "LPAR"} <= self.accepts

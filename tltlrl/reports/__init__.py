@@ -1,4 +1,4 @@
 """Files of runs => tables, figures, pages and films.
 
-Everything shown is computed here from the files of runs. Nothing is trained here.
+Everything shown comes from the files of runs; motions are simulated again. Nothing is trained here.
 """

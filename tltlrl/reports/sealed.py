@@ -130,5 +130,5 @@ def _mistake(curves: pd.DataFrame, text: str, equal: bool) -> str | None:
     (wrong,) = np.nonzero(equal & (counts["size"] != counts["size"].max()) | (counts["max"] + 1 != counts["size"]))
     if len(wrong):
         case, seed = counts.index[wrong[0]]
-        return f"{case} seed {seed} has not the iterations of the others"
+        return f"{case} seed {seed} has other iterations than the rest"
     return None

@@ -28,7 +28,7 @@ class DivergedError(FloatingPointError):
 
     Attributes:
       where: what diverged and when.
-      advice: what usually helps, beside less exploration; may be empty.
+      advice: what usually helps, besides less exploration; may be empty.
     """
 
     def __init__(self, where: str, advice: str = "") -> None:

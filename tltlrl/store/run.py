@@ -30,7 +30,7 @@ from tltlrl.store.layout import (
 )
 
 SEAL, RUN = "sha256", "run"  # keys of done.json
-STATE = "state."  # prefix of the learner's arrays in checkpoint.npz
+STATE = "state."  # prefix of the arrays of `Checkpoint.state` in checkpoint.npz
 UNREADABLE = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile)
 
 
@@ -45,7 +45,7 @@ class Checkpoint:
     Attributes:
       iteration: iterations done.
       env_steps: samples in them.
-      state: the learner's state after them, name => array.
+      state: the learner's state after them, and the best policy so far, name => array.
     """
 
     iteration: int
@@ -192,7 +192,7 @@ def read_checkpoint(folder: Path, identity: str, name: str = CHECKPOINT) -> Chec
 
 
 def _seal_of_arrays(identity: str, arrays: Mapping[str, ArrayLike], rows: bytes = b"") -> str:
-    """Of a run's state: it decides the results that come after it, as much as a config does."""
+    """The seal of a run's state, on which all later results depend."""
     content = [identity.encode(), rows]
     for name, values in sorted(arrays.items()):
         array = np.asarray(values)

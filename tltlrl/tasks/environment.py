@@ -13,6 +13,7 @@ from mujoco import mj_integratePos
 from numpy.typing import NDArray
 
 from tltlrl.logic import Spec
+from tltlrl.tasks.fits import check_fits
 from tltlrl.tasks.task import StepReward, Task, draw_command_noise, draw_starts
 
 Array = NDArray[np.float64]
@@ -35,9 +36,13 @@ def environment(
         (all others are 0); or None for 0 at every step.
       random: source or seed of the actuators' noise.
       noise: whether commands are noisy, and starts random where the task has a `start_spread`.
+
+    Raises:
+      UserError: if the spec does not fit the task.
     """
     if isinstance(reward, Spec):
         reward = reward.sampled(task.control_timestep)
+        check_fits(reward, task)
     view = _View(task, reward, random, noise)
     # Half a step less than T - 1, so that rounding cannot add a step.
     time_limit = (task.steps - 1.5) * task.control_timestep

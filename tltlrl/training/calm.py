@@ -77,8 +77,8 @@ def floor(learned: float, share: float, batch: int, batches: int) -> float:
 def straightness(batch: int, batches: int) -> float:
     """The weight of the squared commands in a batch: it sinks geometrically, and then stays.
 
-    So the path becomes short first and even afterwards. Abrupt commands cost so much more than long ways that with the
-    last weight from the start a path would be smoothed where it happens to lie, and stay long.
+    So the path becomes short first and even afterwards. With the last weight from the start, the path would be smoothed
+    where it lies and would stay long: abrupt commands cost far more than length.
     """
     first, last = STRAIGHTNESS
     return float(first * (last / first) ** min(1.0, batch / (SPENDING * batches)))

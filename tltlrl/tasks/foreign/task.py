@@ -61,7 +61,7 @@ class ForeignTask(Task):
         self.feedback = self._gains(config.feedback)
 
     def make_physics(self) -> mujoco.Physics:
-        """Raises: the environment steps its own physics.
+        """Not available: the environment steps its own physics.
 
         Raises:
           UserError: always.

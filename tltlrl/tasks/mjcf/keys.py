@@ -25,7 +25,7 @@ class RobotConfig:
 
     name: str = setting("mjcf, for every robot that is described by a page", "mjcf")
     file: str = setting("the page; it is known by its content, wherever it is", "", place=True)
-    digest: str = setting("digest of the model's files, by which a changed model is noticed", "")
+    digest: str = setting("digest of the model's files, so that a changed model is noticed", "")
     model: str = setting("an MJCF file: a path from the page's folder, or package:path of an installed package", "")
     duration: float = setting("length of one episode, s", 5.0, above=0)
     control_timestep: float = setting("time between two commands, s; a multiple of the model's timestep", 0.05, above=0)

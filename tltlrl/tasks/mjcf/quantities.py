@@ -29,7 +29,7 @@ class Field:
       meaning: with the unit.
       unit: of the values.
       sensors: whose values they are, one after the other.
-      kind: of the named thing, to the sensors.
+      kind: MuJoCo's type of the named thing.
       parts: names of the components, none for a scalar.
       order: of the sensors' values.
     """

@@ -70,15 +70,7 @@ class VisitInOrderConfig(PlanarArmConfig):
 
 
 class Physics(dm_control.mujoco.Physics):  # type: ignore[misc]  # dm_control has no types
-    """Simulation of the arm with its quantities by name."""
-
-    def joint_angles(self) -> Array:
-        """Joint angles (3,), rad, each relative to the link before."""
-        return np.array(self.named.data.qpos[list(JOINTS)])
-
-    def joint_velocities(self) -> Array:
-        """Joint velocities (3,), rad/s."""
-        return np.array(self.named.data.qvel[list(JOINTS)])
+    """Simulation of the arm."""
 
     def end_effector(self) -> Array:
         """Position (2,) of the end of the last link, m."""
