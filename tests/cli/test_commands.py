@@ -153,6 +153,23 @@ def test_the_learned_motion_as_a_trace_that_check_explains(experiment, tmp_path,
     assert (code, errors) == (2, "tltl: --samples: say where to, as in --trace motion.csv\n")
 
 
+@pytest.mark.usefixtures("without_pictures")
+def test_a_calm_motion_is_a_trace_of_its_own(tmp_path, capsys):
+    small = ("seeds=1", "trials=1", "task.steps=12", "algorithm.iterations=1", "constants.goal_radius=9", "workers=1")
+    assert (
+        cli.run(["experiment=reach_avoid", "cases=tltl_episodic", *small, "algorithm.calm=1", f"runs_dir={tmp_path}"])
+        == 0
+    )
+    run = tmp_path / "reach_avoid" / RUN
+    code, printed, _ = tltl(capsys, "evaluate", run, "--trace", tmp_path / "motion.csv", "--trials", 1)
+    assert code == 0
+    done = json.loads((run / "done.json").read_text())
+    for name, of in (("motion.csv: the learned", done), ("motion_calm.csv: the calm", done["calm"])):
+        assert f"{name} motion, robustness {of['robustness_policy']:+.6g}\n" in printed
+    assert tltl(capsys, *shlex.split(printed.splitlines()[-1].removeprefix("explained by: "))[1:])[0] == 0
+    assert "motion_calm.csv" in printed.splitlines()[-1]
+
+
 def test_a_trace_is_checked_with_the_constants_that_were_learned_with(tmp_path):
     path = tmp_path / "my task.tltl"
     path.write_text("signal x\nconst a = 1\nconst b[r] = (1, 2)\nspec: F x > a + b[r].x\n")

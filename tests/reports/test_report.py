@@ -91,6 +91,16 @@ def test_satisfied_for_good_from_the_iteration_after_the_last_violated_one(value
     assert [None if value is pd.NA else value for value in found] == [first, for_good]
 
 
+def test_where_the_best_policy_is_kept_it_is_the_one_that_satisfies_for_good():
+    curves = pd.DataFrame(
+        {"task": "t", "case": "a", "seed": 0, "iteration": range(4), "robustness_policy": [-1.0, 1.0, -1.0, 0.5]}
+    ).assign(robustness_mean=0.0)
+    curves["robustness_kept"] = curves["robustness_policy"].cummax()
+    done = {"robustness_policy": 1.0, "satisfied": True, "trials": 1, "successes": 1, "outcomes": {}}
+    (row,) = summarise(curves, {Path("a/seed_0"): done}).to_dict("records")
+    assert (row["first_satisfied_iteration"], row["satisfied_for_good_iteration"]) == (1, 1)
+
+
 def test_the_outcome_of_every_case_in_a_line():
     rows = [("a", 0, 0.5, 7), ("a", 1, -0.25, 0), ("a", 2, 0.125, 10), ("b", 0, -1.0, 0)]
     table = pd.DataFrame(

@@ -180,21 +180,63 @@ def test_the_specs_regions_are_where_the_scene_has_them(physics: toast.Physics) 
         np.testing.assert_array_equal(constants["toaster_centre"], physics.named.data.xpos["toaster"])
 
 
+DOWN = np.array([[0.7, -0.35, 0.05 + above] for above in (0.14, 0.11, 0.08, 0.04, 0.01, -0.01, -0.01, -0.01)])
+
+
+def gentle_signals(**changed: np.ndarray) -> dict[str, np.ndarray]:
+    """Straight down into the slot, where the gripper is, when it opens; (N, 8) samples."""
+    held = np.repeat([0.0, 100.0], [4, 4])
+    own = {"ee": DOWN[None], "rotation": np.zeros((1, 8, 3)), "gripper": held[None]}
+    return own | changed
+
+
 def test_what_satisfies_the_gentle_spec_satisfies_the_other() -> None:
-    """It asks for more: no step above 5 cm, and 9 cm between gripper and table."""
     rng = np.random.default_rng(2)
     own, gentle = load_spec(spec_path("toast")), load_spec(spec_path("toast_gentle"))
-    down = np.array([0.7, -0.35, 0.05]) + np.linspace(0.14, -0.01, 6)[:, None] * [0, 0, 1]
-    ee = np.concatenate([down, down[-1:], down[-1:]]) + rng.normal(0, 0.01, (400, 8, 3))
-    gripper = np.repeat([0.0, 100.0], [5, 3]) + rng.normal(0, 20, ee.shape[:2])
-    signals = {"ee": ee, "rotation": rng.normal(0, 0.05, ee.shape), "gripper": gripper}
+    ee = DOWN + rng.normal(0, 0.007, (4000, 8, 3))
+    gripper = np.repeat([0.0, 100.0], [4, 4]) + rng.normal(0, 20, ee.shape[:2])
+    signals = gentle_signals(ee=ee, rotation=rng.normal(0, 0.05, ee.shape), gripper=gripper)
     robustness, of_own = gentle.robustness(signals), own.robustness(signals)
-    assert np.all(of_own[robustness > 0] > 0)
-    assert np.any(robustness > 0)
-    assert np.any(of_own[robustness < 0] > 0)
-    steps = np.linalg.norm(np.diff(ee, axis=1), axis=2).max(axis=1)
-    lowest = 2.5 * (ee[:, :, 2].min(axis=1) - toast.BREAD_REACH - toast.TABLE_HEIGHT)
-    np.testing.assert_allclose(robustness, np.minimum(of_own, np.minimum(0.05 - steps, lowest)), atol=1e-12)
+    assert np.all(robustness <= of_own + 1e-12)
+    assert np.mean(robustness > 0) > 0.05
+    assert np.mean((robustness < 0) & (of_own > 0)) > 0.05
+
+
+@pytest.mark.parametrize(
+    ("change", "decides", "value"),
+    [
+        ("nothing", "", 0.01),  # a step of 4 cm
+        ("fast", "G gentle", -0.01),
+        ("from the side", "!slot U above", -0.015),
+        ("tilted in the slot", "!slot U (slot & fits)", 25 / 18 * (0.018 - 0.09 * 0.25)),
+        ("tilted above the table", "G !(table | toaster)", 2.5 * (0.01 - 0.06 * 0.2)),
+        ("tilted beside the slot", "G !(table | toaster)", -0.007),
+    ],
+)
+def test_the_gentle_spec_asks_for_more(change: str, decides: str, value: float) -> None:
+    """Of a motion that satisfies toast.tltl in each case."""
+    signals = gentle_signals(ee=DOWN[None].copy(), rotation=np.zeros((1, 8, 3)))
+    ee, rotation = signals["ee"][0], signals["rotation"][0]
+    if change == "fast":
+        ee[0, 2] += 0.03
+    elif change == "from the side":
+        ee[:4] = [[0.7, -0.35 + y, 0.085] for y in (0.16, 0.12, 0.08, 0.04)]
+    elif change == "tilted in the slot":
+        rotation[3:, 0] = 0.25
+    elif change == "tilted above the table":
+        ee[0] = [0.6, -0.62, -0.1]
+        rotation[0, 1] = 0.2
+    elif change == "tilted beside the slot":
+        ee[:2] = [[0.7, -0.35 + y, 0.085] for y in (0.08, 0.04)]
+        rotation[:2, 1] = 0.2
+    own, gentle = load_spec(spec_path("toast")), load_spec(spec_path("toast_gentle"))
+    assert own.robustness(signals)[0] > 0
+    clauses = {name: values[0] for name, values in gentle.clauses(signals).items()}
+    if decides:
+        assert clauses[decides] == pytest.approx(value)
+        assert clauses[decides] <= 0
+    else:
+        assert gentle.robustness(signals)[0] == pytest.approx(value)
 
 
 def test_features_are_the_physics_own_quantities(physics: toast.Physics) -> None:

@@ -37,7 +37,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     """Adds the arguments of `tltl evaluate`."""
     parser.add_argument("run", type=user_path, metavar="RUN", help="for instance runs/reach_avoid/tltl_episodic/seed_0")
     parser.add_argument("--trials", type=int, default=10, help="how many (default 10, as in the case study)")
-    parser.add_argument("--trace", type=user_path, metavar="FILE.csv", help="write the learned motion as a trace")
+    parser.add_argument("--trace", type=user_path, metavar="FILE.csv", help="write the learned motion as a trace, a calm one beside it as FILE_calm.csv")
     parser.add_argument("--samples", type=int, default=0, help="write so many sampled motions, too (default 0)")
     parser.add_argument(
         "--perturb",
@@ -74,8 +74,12 @@ def run(arguments: Namespace) -> int:
         _tell(learned, calm, arguments)
     if arguments.trace is not None:
         rng = np.random.default_rng(arguments.seed)
-        write_traces(arguments.trace, learned, motions(learned, policy, arguments.samples, rng))
+        write_traces(arguments.trace, learned, motions(learned, policy, arguments.samples, rng), "learned")
         print(shown(f"explained by: {check_command(learned.spec, arguments.trace)}"))
+        if calm is not None:
+            path = arguments.trace.with_stem(f"{arguments.trace.stem}_calm")
+            write_traces(path, learned, motions(learned, calm, 0, rng), "calm")
+            print(shown(f"explained by: {check_command(learned.spec, path)}"))
     return 0
 
 
@@ -131,8 +135,14 @@ def _tell_off_model(learned: Run, policy: Policy, perturbation: Perturbation, ar
         )
 
 
-def write_traces(path: Path, run: Run, moved: Motions) -> None:
-    """Writes the mean motion to `path`, sampled ones beside it, and prints their robustness.
+def write_traces(path: Path, run: Run, moved: Motions, name: str) -> None:
+    """Writes the mean motion of a policy to `path`, sampled ones beside it, and prints their robustness.
+
+    Args:
+      path: of a CSV file.
+      run: what was learned.
+      moved: the mean motion, then sampled ones.
+      name: of the policy.
 
     Raises:
       UserError: if a file cannot be written.
@@ -141,7 +151,7 @@ def write_traces(path: Path, run: Run, moved: Motions) -> None:
     for i, (length, robustness) in enumerate(zip(moved.lengths, moved.robustness, strict=True)):
         own = path if i == 0 else path.with_name(f"{path.stem}_{i}{path.suffix}")
         write_recording(own, {name: values[i, :length] for name, values in moved.signals.items()}, period)
-        print(shown(f"{own}: {'the learned' if i == 0 else 'a sampled'} motion, robustness {robustness:+.6g}"))
+        print(shown(f"{own}: {f'the {name}' if i == 0 else 'a sampled'} motion, robustness {robustness:+.6g}"))
 
 
 def check_command(spec: Spec, trace: Path) -> str:

@@ -103,6 +103,8 @@ def median_run(finished: Mapping[Path, Mapping[str, Any]], case: str) -> Path | 
 def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) -> pd.DataFrame:
     """One row per case and seed: how good the learned policy is, and when it first satisfied the spec.
 
+    With `keep: best` that is asked of the best policy so far, which is the one that is kept.
+
     Args:
       curves: learning_curves.csv.
       outcomes: folder of the run => its done.json, in the order of the rows.
@@ -112,8 +114,8 @@ def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) 
     for path, done in outcomes.items():
         case, seed = run_of(path)
         run = runs.get_group((case, seed))
-        satisfied = run.loc[run["robustness_policy"] > 0, "iteration"]
-        violated = run.loc[run["robustness_policy"] <= 0, "iteration"]
+        policy = run["robustness_kept" if "robustness_kept" in run else "robustness_policy"]
+        satisfied, violated = run.loc[policy > 0, "iteration"], run.loc[policy <= 0, "iteration"]
         rows.append(
             {
                 "task": run["task"].iloc[0],
@@ -143,7 +145,7 @@ def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) 
 def median_iteration(iterations: pd.Series) -> str:
     """The median over all seeds; a seed that never satisfied the spec counts as the latest."""
     median = iterations.astype(float).fillna(np.inf).median()
-    return f"{median:.0f}" if np.isfinite(median) else "never"
+    return f"{median:g}" if np.isfinite(median) else "never"
 
 
 def outcome_lines(summary: pd.DataFrame) -> list[str]:
