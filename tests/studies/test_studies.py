@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 
 import numpy as np
 import pandas as pd
@@ -19,6 +20,8 @@ from tltlrl.simulation.rollout import Simulator
 from tltlrl.training import build
 from tltlrl.training.loop import iterate
 
+STUDIES = covariance.RESULTS.parent
+DOCS = STUDIES.parent / "docs"
 # Some touch the table and end early; what they command after that is no part of the robustness.
 TOUCHING_THE_TABLE = ("algorithm.initial_std=1.0", "algorithm.feedback=-1.0", "spec=toast_smooth.tltl")
 
@@ -161,29 +164,68 @@ def test_every_rule_can_be_named_on_the_command_line():
 
 
 def test_pages_show_the_tables_of_their_csv_files():
-    studies = covariance.RESULTS.parent
-    docs = studies.parent / "docs"
     rows = pd.read_csv(covariance.RESULTS)
-    page = (docs / "covariance.md").read_text()
+    page = (DOCS / "covariance.md").read_text()
     overviews = "\n".join(covariance.overview(part) for _, part in rows.groupby("physics"))
     for line in (overviews + covariance.table(rows)).splitlines():
         assert line in page, line
-    results = (docs / "results.md").read_text()
-    toast = pd.read_csv(studies / "toast.csv").query("spec == 'toast.tltl'").drop(columns="spec")
+    results = (DOCS / "results.md").read_text()
+    toast = pd.read_csv(STUDIES / "toast.csv").query("spec == 'toast.tltl'").drop(columns="spec")
     for line in summary_page(read(compose(["experiment=toast"]))[0], toast, {}).splitlines():
-        assert not line.startswith("|") or line in (docs / "toast-notes.md").read_text(), line
-    for task, summary in pd.read_csv(studies / "results.csv").groupby("task"):
+        assert not line.startswith("|") or line in (DOCS / "toast-notes.md").read_text(), line
+    for task, summary in pd.read_csv(STUDIES / "results.csv").groupby("task"):
         assert "\n".join(claim_lines(summary)).replace("## ", "### ").strip() in results, task
         experiment, _ = read(compose([f"experiment={task}"]))
         for line in summary_page(experiment, summary, {}).splitlines():
             assert not line.startswith("|") or line in results, line
-    online = (docs / "online.md").read_text()
-    for task, summary in pd.read_csv(studies / "step.csv").groupby("task"):
+    online = (DOCS / "online.md").read_text()
+    for task, summary in pd.read_csv(STUDIES / "step.csv").groupby("task"):
         experiment, _ = read(compose([f"experiment={task}"]))
         for line in summary_page(experiment, summary, {}).splitlines()[6:]:
             case, satisfied, robustness, first, for_good, _, successes, *_ = line[2:].split(" | ")
             row = [task, case, satisfied, first, for_good, robustness, successes.removesuffix(" |")]
             assert f"| {' | '.join(row)} |" in online, line
+
+
+def cells_of(page, *first):
+    """The cells of the one row of a page's tables that begins with these."""
+    (row,) = re.findall(rf"^\| {re.escape(' | '.join(first))} \| (.*) \|$", (DOCS / page).read_text(), re.MULTILINE)
+    return [cell.strip() for cell in row.split("|")]
+
+
+def as_printed(cell, values):
+    """Numbers with as many digits as those of a cell, in its words."""
+    numbers = iter(values)
+    return re.sub(r"-?\d[\d ]*(\.\d+)?", lambda at: f"{next(numbers):.{len(at[1] or '.') - 1}f}", cell)
+
+
+def test_the_page_on_learners_shows_its_csv_file():
+    rows = pd.read_csv(STUDIES / "learners.csv")
+    groups = rows.groupby(["task", "learner"], sort=False)
+    for (_, own), told in zip(groups, learners.overview(rows).to_dict("records"), strict=True):
+        satisfied, first, good, robustness, share, trials = cells_of(
+            "learners.md", told["task"], told["learner"].replace("_", ", ")
+        )
+        value = own["robustness_policy"]
+        assert [satisfied, first, good, trials] == [told[name] for name in ("satisfied", "first", "for good", "trials")]
+        assert robustness == as_printed(robustness, [value.median(), value.min()])
+        assert share == as_printed(share, [own["share_of_best"].median()])
+
+
+def test_the_page_on_calm_motions_shows_its_csv_file_whose_policies_are_those_of_the_learners():
+    rows, learned = (pd.read_csv(STUDIES / f"{name}.csv") for name in ("calm", "learners"))
+    for (folder, policy), own in rows.groupby(["folder", "policy"]):
+        (batches,) = own["batches"].unique()
+        path, acceleration, robustness, trials, *_ = cells_of("calm.md", f"{folder}, {policy}", str(batches))
+        for cell, name in ((path, "path_length"), (acceleration, "acceleration_rms")):
+            assert cell == as_printed(cell, [own[name].median(), own[name].max()])
+        assert robustness == as_printed(robustness, [own["robustness"].median()])
+        bread = own["trials_bread_in_slot"]
+        counts = f"{own['trials_satisfied'].sum()} of {own['trials'].sum()}"
+        assert trials == counts + ("" if bread.isna().all() else f", bread {bread.sum():.0f}")
+        if policy == "learned":
+            best = learned.query(f"task == '{folder.removesuffix('_best')}' and learner == 'best'")
+            np.testing.assert_allclose(own["robustness"], best["robustness_policy"], rtol=1e-12)
 
 
 def test_learners_are_compared_by_when_they_satisfy_for_good(tmp_path):
