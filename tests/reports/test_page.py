@@ -21,7 +21,10 @@ from tltlrl.store.run import joined, read_results
 from tltlrl.training.session import train
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-SMALL = ["task.steps=12", "trials=3", "algorithm.iterations=3", "seeds=2", "cases=[tltl_episodic,discrete_episodic]"]
+SMALL = [
+    "task.steps=12", "trials=3", "algorithm.iterations=3", "seeds=2", "cases=[tltl_episodic,discrete_episodic]",
+    "constants.goal_radius=9", "algorithm.calm=1",  # satisfied, so that there are calm policies, too
+]  # fmt: skip
 CONTENT = {
     "command": ["tltl-run", "experiment=reach_avoid", "name=a b"],
     "later_sessions": [],
@@ -69,9 +72,14 @@ def test_what_it_says_in_order(page):
     root = html.parse(page).getroot()
     titles = [title.text for title in root.xpath("//h2")]
     assert titles == [
-        "Verdict", "Learning curves", "Clauses", "Motions", "Trials", "Statistics", "Configuration",
+        "Verdict", "Learning curves", "Clauses", "Motions", "Measures of motion", "Trials", "Statistics",
+        "Configuration",
     ]  # fmt: skip
     assert root.xpath("//nav/a/@href") == [f"#{title.replace(' ', '-')}" for title in titles]
+    cases = root.xpath("//*[@aria-label='measures of motion']//tbody/tr/td[1]/text()")
+    assert [case.endswith(", calm") for case in cases] == [False, True, False, True]
+    players = ["motion-tltl_episodic", "motion-tltl_episodic-calm", "motion-discrete_episodic"]
+    assert root.xpath("//@data-motion")[:3] == players
     text = root.text_content()
     assert "tltl-run experiment=reach_avoid 'name=a b'" in text
     differs = root.xpath("//*[@aria-label='what differs from the defaults']//tbody/tr/td[1]//text()")

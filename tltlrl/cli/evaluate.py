@@ -37,7 +37,12 @@ def add_arguments(parser: ArgumentParser) -> None:
     """Adds the arguments of `tltl evaluate`."""
     parser.add_argument("run", type=user_path, metavar="RUN", help="for instance runs/reach_avoid/tltl_episodic/seed_0")
     parser.add_argument("--trials", type=int, default=10, help="how many (default 10, as in the case study)")
-    parser.add_argument("--trace", type=user_path, metavar="FILE.csv", help="write the learned motion as a trace, a calm one beside it as FILE_calm.csv")
+    parser.add_argument(
+        "--trace",
+        type=user_path,
+        metavar="FILE.csv",
+        help="write the learned motion as a trace, a calm one beside it as FILE_calm.csv",
+    )
     parser.add_argument("--samples", type=int, default=0, help="write so many sampled motions, too (default 0)")
     parser.add_argument(
         "--perturb",

@@ -23,11 +23,21 @@ from tltlrl.reports.interval import LEVEL, mean_interval, share_interval
 from tltlrl.reports.motion import watch
 from tltlrl.reports.player import player
 from tltlrl.reports.plotting import LABELS, PANELS, near_zero
-from tltlrl.reports.report import HOW_DECIDED, ITERATIONS, Tables, judged_besides, median_iteration, median_run
+from tltlrl.reports.report import (
+    HOW_DECIDED,
+    ITERATIONS,
+    OF_THE_MOTION,
+    Tables,
+    judged_besides,
+    measured,
+    median_iteration,
+    median_run,
+    medians_of_motion,
+)
 from tltlrl.simulation.simulator import simulator_of
 from tltlrl.store.clauses import CLAUSE, DECIDES
 from tltlrl.store.files import write_text
-from tltlrl.store.layout import PAGE, WORKSPACE, run_of
+from tltlrl.store.layout import CALM, PAGE, WORKSPACE, run_of
 from tltlrl.training.build import make_task
 from tltlrl.training.session import learned_policy
 from tltlrl.training.study import Study
@@ -80,6 +90,7 @@ def write_page(
         "Learning curves": _curves(tables.curves),
         "Clauses": _clauses(study, finished, tables.standings),
         "Motions": _motions(folder, study, finished),
+        "Measures of motion": _measures(summary),
         "Trials": _trials(study, summary, finished),
         "Statistics": _statistics(summary, folder),
         "Configuration": _configuration(provenance),
@@ -231,14 +242,32 @@ def _motions(folder: Path, study: Study, finished: Mapping[Path, Mapping[str, An
         assert median is not None
         name = f"{_label(case)}, seed {run_of(median)[1]}"
         motion = watch(task, study.spec, learned_policy(median), simulator)
+        calm = ""
+        if (median / CALM).exists():
+            calmed = watch(task, study.spec, learned_policy(median, CALM), simulator)
+            calm = (
+                f"<h4>The calm motion</h4><p>Robustness {calmed.why.value:+.3f}, decided "
+                f"{escape(calmed.why.decided_by)}.</p>{player(f'motion-{case}-calm', task, calmed, f'{name}, calm')}"
+            )
         picture = _embedded(folder / case / f"{WORKSPACE}.png", "image/png", f"Workspace of {name}")
         film = next((_embedded(median / f"motion{kind}", mime, f"Film of {name}") for kind, mime in FILMS.items()
                      if (median / f"motion{kind}").exists()), "")  # fmt: skip
         parts.append(
             f"<h3>{escape(name)}</h3><p>Robustness {motion.why.value:+.3f}, decided "
-            f"{escape(motion.why.decided_by)}.</p>{player(f'motion-{case}', task, motion, name)}{film}{picture}"
+            f"{escape(motion.why.decided_by)}.</p>{player(f'motion-{case}', task, motion, name)}{film}{picture}{calm}"
         )
     return f"<p>Of each case the seed with the median robustness, without noise.</p>{''.join(parts)}" if parts else ""
+
+
+def _measures(summary: pd.DataFrame) -> str:
+    names = measured(summary)
+    if not names:
+        return ""
+    rows = [
+        [escape(_label(case)) + ", calm" * is_calm, *medians] for case, is_calm, medians in medians_of_motion(summary)
+    ]
+    units = "".join(f"<li>{escape(name)}: {escape(meaning)}</li>" for name, meaning in names.items())
+    return f"<p>{OF_THE_MOTION}</p>{_table(['case', *names], rows, 'measures of motion')}<ul class='quiet'>{units}</ul>"
 
 
 def _embedded(path: Path, mime: str, text: str) -> str:

@@ -235,29 +235,47 @@ def picture_lines(task: Task, spec: Spec, finished: Mapping[Path, Mapping[str, A
     ]
 
 
+def measured(summary: pd.DataFrame) -> dict[str, str]:
+    """The measures of motion that some policy has, as a page names them, and what each says."""
+    known = (name for name in MEASURES if summary[name].notna().any())
+    return {name.replace("_", " ").replace("rms", "RMS"): MEASURES[name] for name in known}
+
+
+def medians_of_motion(summary: pd.DataFrame) -> list[tuple[str, bool, list[str]]]:
+    """For every case, and for its calm policies, the median of each of those measures over the seeds.
+
+    Returns:
+      The case, whether the row is of calm policies, and the medians; an empty text where there is none.
+    """
+    known = [name for name in MEASURES if summary[name].notna().any()]
+    found = []
+    for case, rows in summary.groupby("case", sort=False):
+        for is_calm in (False, True):
+            if is_calm and ("calm_successes" not in rows or rows["calm_successes"].isna().all()):
+                continue
+            columns = (rows[f"{'calm_' if is_calm else ''}{name}"].astype(float) for name in known)
+            values = (column.dropna().median() for column in columns)  # pandas 2.2 warns of a median of nothing but NaN
+            found.append((str(case), is_calm, [f"{value:.3g}" if np.isfinite(value) else "" for value in values]))
+    return found
+
+
 def motion_lines(summary: pd.DataFrame) -> list[str]:
     """The lines about motion: for every case, the median of each measure over the seeds."""
-    known = [name for name in MEASURES if summary[name].notna().any()]
-    if not known:
+    names = measured(summary)
+    if not names:
         return []
     lines = [
         "",
         "## How the learned policies move",
         "",
-        "Of the noise-free motion of the mean policy, the median over the seeds.",
+        OF_THE_MOTION,
         "",
-        "| case |" + "".join(f" {name.replace('_', ' ').replace('rms', 'RMS')} |" for name in known),
-        "|---" * (1 + len(known)) + "|",
+        f"| case | {' | '.join(names)} |",
+        "|---" * (1 + len(names)) + "|",
     ]
-    for case, rows in summary.groupby("case", sort=False):
-        for label, prefix in ((case, ""), (f"{case}, calm", "calm_")):
-            if prefix and ("calm_successes" not in rows or rows["calm_successes"].isna().all()):
-                continue
-            columns = (rows[f"{prefix}{name}"].astype(float) for name in known)
-            values = (column.dropna().median() for column in columns)  # pandas 2.2 warns of a median of nothing but NaN
-            cells = "".join(f" {value:.3g} |" if np.isfinite(value) else "  |" for value in values)
-            lines.append(f"| {label} |{cells}")
-    units = (f"- {name.replace('_', ' ').replace('rms', 'RMS')}: {MEASURES[name]}" for name in known)
+    for case, is_calm, medians in medians_of_motion(summary):
+        lines.append(f"| {case}{', calm' * is_calm} | {' | '.join(medians)} |")
+    units = (f"- {name}: {meaning}" for name, meaning in names.items())
     return [*lines, "", *units, *_calm_lines(summary)]
 
 
@@ -330,6 +348,7 @@ def bottleneck_lines(finished: Mapping[Path, Mapping[str, Any]], timestep: float
 
 CALM_COLUMNS = ("robustness_policy", "satisfied", "successes", "episodes", "env_steps")
 
+OF_THE_MOTION = "Of the noise-free motion of the mean policy, the median over the seeds."
 HOW_DECIDED = (
     "the predicate whose margin at that step is the robustness, since min and max select; `!(...)` where the "
     "predicate should not hold; then the named sub-formula that it stands in."
