@@ -6,7 +6,7 @@ The parts of a study meet here, so the rules that need two parts are here.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +17,7 @@ from tltlrl.errors import UserError, nearest
 from tltlrl.learning.basis import Basis
 from tltlrl.learning.learner import Learner
 from tltlrl.learning.policy import Policy
+from tltlrl.learning.scores import leximin
 from tltlrl.logic import Spec
 from tltlrl.registry import LEARNERS, TASKS
 from tltlrl.simulation.outside import unlike
@@ -26,10 +27,11 @@ from tltlrl.simulation.trials import mean_motion
 from tltlrl.store.files import arrays_in
 from tltlrl.store.run import UNREADABLE
 from tltlrl.tasks.fits import check_fits
-from tltlrl.tasks.task import StepReward, Task
+from tltlrl.tasks.task import Signals, StepReward, Task
 from tltlrl.training.study import TLTL, AlgorithmConfig, Run, Stage, Study
 
 Array = NDArray[np.float64]
+Returns = Callable[[Signals, NDArray[np.int64]], Array]
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,8 @@ class Setup:
       reward: the hand-made reward that the run is trained on; None for the spec's robustness.
       learner: what improves the policy.
       told: the spec whose values the learner is told: the run's own, or the same with normalised predicates.
+      returns: (signals, lengths) => the returns that the learner is told; None for those of the hand-made reward, and
+        for the robustness of the run's own spec, which is known anyway.
     """
 
     task: Task
@@ -49,6 +53,7 @@ class Setup:
     reward: StepReward | None
     learner: Learner[Any]
     told: Spec
+    returns: Returns | None
 
 
 @dataclass(frozen=True)
@@ -88,11 +93,17 @@ def set_up(run: Run) -> Setup:
     task = make_task(run.task)
     simulator, learner = simulator_of(task), make_learner(run, run.stage(0))
     told = run.spec
-    if run.algorithm.normalise:
+    if run.algorithm.normalise and run.case.reward == TLTL:
         drawn = draw(run, learner, simulator, learner.start(first_policy(task, run.algorithm)), 0)
         motions = simulator.rollout(drawn.policy.gain, drawn.offsets, drawn.noise, drawn.starts)
         told = told.normalised(task.signals(motions.features, motions.commands), motions.lengths)
-    return Setup(task, simulator, make_reward(run), learner, told)
+    return Setup(task, simulator, make_reward(run), learner, told, _returns(run, told))
+
+
+def _returns(run: Run, told: Spec) -> Returns | None:
+    if run.case.reward == TLTL and run.algorithm.told == "leximin":
+        return lambda signals, lengths: leximin(told.conjuncts(signals, lengths))
+    return None if told is run.spec else told.robustness
 
 
 def make_task(config: Any) -> Task:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tltlrl.learning.scores import Scores, leximin
+from tltlrl.learning.scores import Scores
 from tltlrl.logic import telescope
 from tltlrl.tasks.task import Signals, StepReward
 from tltlrl.training.build import Setup, draw
@@ -59,12 +59,7 @@ def iterate(run: Run, setup: Setup, state: Any, iteration: int) -> Iteration:
     robustness = parts.robustness
     sampled, of_policy = robustness[:samples], robustness[samples]
     sample_signals = {name: values[:samples] for name, values in signals.items()}
-    told = sampled
-    if setup.reward is None:
-        if run.algorithm.told == "leximin":
-            told = leximin(setup.told.conjuncts(sample_signals, trajectories.lengths[:samples]))
-        elif setup.told is not run.spec:
-            told = setup.told.robustness(sample_signals, trajectories.lengths[:samples])
+    told = sampled if setup.returns is None else setup.returns(sample_signals, trajectories.lengths[:samples])
     rewards = None
     if setup.reward is None and setup.learner.by_step:
         rewards = telescope(setup.told, sample_signals, trajectories.lengths[:samples])
