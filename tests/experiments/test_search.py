@@ -125,7 +125,7 @@ def test_a_stopped_search_goes_on_to_the_same_bytes(undisturbed, tmp_path, monke
             journal.write('{"op_code": 6, "wor')
         Path("runs/small/journal.log.lock").symlink_to("journal.log")
     assert tltl_search(*SMALL, *SPACE, "--trials", 3) == 0
-    assert "of 3 trials were done before and are kept" in capsys.readouterr().err
+    assert "of 3 candidates were done before and are kept" in capsys.readouterr().err
     assert tables(tmp_path / "runs/small") == tables(undisturbed)
 
 
@@ -134,7 +134,7 @@ def test_the_same_command_again_keeps_all_and_computes_what_was_deleted(undistur
     shutil.rmtree(tmp_path / "runs/small/trial_001")
     (tmp_path / "runs/small/trials.csv").unlink()
     assert tltl_search(*SMALL, *SPACE, "--trials", 3) == 0
-    assert re.findall(r"^trial (\d+) \(", capsys.readouterr().err, flags=re.MULTILINE) == ["1"]
+    assert re.findall(r"^candidate (\d+) \(", capsys.readouterr().err, flags=re.MULTILINE) == ["1"]
     assert tables(tmp_path / "runs/small") == tables(undisturbed)
     monkeypatch.setattr(search, "run_experiment", None)
     assert tltl_search(*SMALL, *SPACE, "--trials", 3) == 0
@@ -150,8 +150,8 @@ def test_a_candidate_is_worth_what_its_runs_say_and_not_the_journal_or_a_table(u
     (folder / "summary.csv").write_text((folder / "summary.csv").read_text().replace("-", ""))
     assert tltl_search(*SMALL, *SPACE, "--trials", 3) == 0
     printed = capsys.readouterr()
-    assert f"trial 1: robustness {-value:+.4f} by journal.log and {value:+.4f} by its runs, which count" in printed.err
-    assert "best: trial" in printed.out
+    assert f"candidate 1: robustness {-value:+.4f} by journal.log and {value:+.4f} by its runs, which count" in printed.err
+    assert "best: candidate" in printed.out
     assert tables(tmp_path / "runs/small") == tables(undisturbed)
 
 
@@ -223,10 +223,10 @@ def test_a_failed_trial_is_told_and_the_search_goes_on(tmp_path, monkeypatch, ca
     assert impossible
     assert broken
     assert failed == impossible | broken != {r["number"] for r in rows}
-    page = (tmp_path / "runs/small/summary.md").read_text().partition("## Failed trials")[2]
+    page = (tmp_path / "runs/small/summary.md").read_text().partition("## Failed candidates")[2]
     assert page.count("must lie between 0 and log(algorithm.samples)") == len(impossible)
     assert page.count("log.txt") == len(broken)
-    assert f"{len(failed)} of 8 trials failed" in capsys.readouterr().out
+    assert f"{len(failed)} of 8 candidates failed" in capsys.readouterr().out
     before = tables(tmp_path / "runs/small")
     assert tltl_search(*kept, *space, "--trials", 8, "--seed", 1) == 1
     assert tables(tmp_path / "runs/small") == before

@@ -60,9 +60,9 @@ def run(arguments: Namespace) -> int:
     table = run_search(asked, arguments.trials, ["tltl", *sys.argv[1:]])
     ranked, failed = best_first(table), failures(table)
     if failed:
-        print(f"{len(failed)} of {len(table)} trials failed; {asked.folder}/summary.md says why")
+        print(f"{len(failed)} of {len(table)} candidates failed; {asked.folder}/summary.md says why")
     if ranked:
         found = describe({key: ranked[0][key] for key in space})
-        print(f"best: trial {ranked[0]['number']}, {found}: robustness {ranked[0]['objective']:+.4f}")
+        print(f"best: candidate {ranked[0]['number']}, {found}: robustness {ranked[0]['objective']:+.4f}")
         print(f"at the experiment's own budget and seeds: {best_command(asked, ranked[0])}")
     return 1 if failed else 0

@@ -136,7 +136,7 @@ def parse_space(overrides: Sequence[str]) -> tuple[list[str], dict[str, str], di
         key = override.get_key_element().lstrip("+")
         section = key.split(".")[0]
         if section == "experiment" or (section in KEYS and Role.SEARCHED not in KEYS[section].role):
-            raise UserError(f"{key}: it cannot be searched; trials have the same runs, and one spec to be compared by")
+            raise UserError(f"{key}: it cannot be searched; candidates have the same runs, and one spec to be compared by")
         if key in space:
             raise UserError(f"{key}: given twice")
         space[key] = "".join(text.partition("=")[2].split())
@@ -200,7 +200,7 @@ def run_search(search: Search, count: int, command: list[str]) -> list[dict[str,
         journal = open_journal(search.folder / JOURNAL)
         before = sum(candidate.state.is_finished() for candidate in journal.trials[:count])
         if before:
-            _say(f"{before} of {count} trials were done before and are kept")
+            _say(f"{before} of {count} candidates were done before and are kept")
         found = _read(search, journal.trials)
         for number in range(count):
             _try(search, journal, found, number, count, command)
@@ -225,7 +225,7 @@ def _read(search: Search, candidates: Sequence[FrozenTrial]) -> Results:
 def _tell_change(candidate: FrozenTrial, value: float) -> None:
     if candidate.value != value:
         _say(
-            f"trial {candidate.number}: robustness {candidate.value:+.4f} by {JOURNAL} and {value:+.4f} by its runs, "
+            f"candidate {candidate.number}: robustness {candidate.value:+.4f} by {JOURNAL} and {value:+.4f} by its runs, "
             "which count"
         )
 
@@ -239,7 +239,7 @@ def _try(search: Search, journal: optuna.Study, found: Results, number: int, cou
     candidate = journal.trials[number]
     if candidate.state == TrialState.FAIL or number in found:
         return
-    _say(f"trial {number} ({number + 1} of {count}): {describe(candidate.params)}")
+    _say(f"candidate {number} ({number + 1} of {count}): {describe(candidate.params)}")
     succeeded = run_experiment(*search.candidate(number, candidate.params), command)
     runs = results(search, candidate) if succeeded else []
     value = objective(runs)
@@ -250,10 +250,10 @@ def _try(search: Search, journal: optuna.Study, found: Results, number: int, cou
             _tell_change(candidate, value)
     elif number in found:
         journal.tell(number, value)
-        _say(f"trial {number}: robustness {value:+.4f}; best so far {max(values_of(found).values()):+.4f}")
+        _say(f"candidate {number}: robustness {value:+.4f}; best so far {max(values_of(found).values()):+.4f}")
     else:
         journal.tell(number, state=TrialState.FAIL)
-        _say(f"trial {number} FAILED; see {search.candidate_folder(number)}")
+        _say(f"candidate {number} FAILED; see {search.candidate_folder(number)}")
     write_tables(search, table_of(journal.trials, found))
 
 
@@ -267,7 +267,7 @@ def _begin(search: Search, earlier: Sequence[FrozenTrial], number: int) -> Froze
         search.candidate(number, parameters)
     except UserError as error:
         state, attributes = TrialState.FAIL, {"message": str(error)}
-        _say(f"trial {number}: {describe(parameters)} FAILED: {error}")
+        _say(f"candidate {number}: {describe(parameters)} FAILED: {error}")
     return create_trial(state=state, params=dict(parameters), distributions=search.distributions, user_attrs=attributes)
 
 
@@ -407,13 +407,13 @@ def summary_page(search: Search, table: Sequence[Mapping[str, Any]]) -> str:
     lines = [
         f"# {search.folder.name}",
         "",
-        f"{len(table)} trials, sampler's seed {search.seed}; each is {len(search.base.runs())} runs of "
+        f"{len(table)} candidates, sampler's seed {search.seed}; each is {len(search.base.runs())} runs of "
         f"{search.base.algorithm.iterations} iterations: cases {', '.join(c.name for c in search.base.cases)}, seeds "
         f"{', '.join(map(str, search.base.seeds))}. Robustness is that of the final mean policy, averaged over them.",
         "",
         *(f"- {key}: {text}" for key, text in search.space.items()),
         "",
-        f"| trial | {' | '.join(search.space)} | robustness | satisfied | successful trials |",
+        f"| candidate | {' | '.join(search.space)} | robustness | satisfied | successful trials |",
         "|---" * (len(search.space) + 4) + "|",
         *(
             f"| {row['number']} | {' | '.join(_short(row[key]) for key in search.space)} | {row['objective']:+.4f} "
@@ -430,7 +430,7 @@ def summary_page(search: Search, table: Sequence[Mapping[str, Any]]) -> str:
             "",
         ]
     if failed:
-        lines += ["## Failed trials", ""]
+        lines += ["## Failed candidates", ""]
         for row in failed:
             why = row.get("message") or f"see {search.candidate_folder(row['number']).name}/{LOG}"
             lines.append(f"- {row['number']}, {describe({key: row[key] for key in search.space})}: {why}")
