@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 from tltlrl.config.compose import GROUPS, compose, names
-from tltlrl.config.keys import KEYS, Role, having, is_budget, kept, machinery_defaults, sections
+from tltlrl.config.keys import KEYS, Role, having, is_budget, machinery_defaults, result_keys, sections
 from tltlrl.config.machinery import Machinery
 from tltlrl.errors import UserError
 from tltlrl.learning.reps import RepsSettings
@@ -43,7 +43,7 @@ def test_what_a_key_is_for():
     assert having(Role.GROWS) == ["cases", "seeds"]
     assert having(Role.MACHINERY) == ["workers", "engine", "runs_dir", "overwrite"]
     assert having(Role.SEARCHED) == ["task", "reward", "algorithm"]
-    assert set(kept()) == set(KEYS) - set(machinery_defaults())
+    assert set(result_keys()) == set(KEYS) - set(machinery_defaults())
     assert set(GROUPS) - {"experiment"} <= set(KEYS)
 
 

@@ -150,7 +150,9 @@ def test_a_candidate_is_worth_what_its_runs_say_and_not_the_journal_or_a_table(u
     (folder / "summary.csv").write_text((folder / "summary.csv").read_text().replace("-", ""))
     assert tltl_search(*SMALL, *SPACE, "--trials", 3) == 0
     printed = capsys.readouterr()
-    assert f"candidate 1: robustness {-value:+.4f} by journal.log and {value:+.4f} by its runs, which count" in printed.err
+    assert (
+        f"candidate 1: robustness {-value:+.4f} by journal.log and {value:+.4f} by its runs, which count" in printed.err
+    )
     assert "best: candidate" in printed.out
     assert tables(tmp_path / "runs/small") == tables(undisturbed)
 

@@ -80,7 +80,7 @@ def having(role: Role) -> list[str]:
     return [name for name, key in KEYS.items() if key.role & role]
 
 
-def kept() -> list[str]:
+def result_keys() -> list[str]:
     """The keys in a result's config.yaml: all but machinery."""
     return [name for name, key in KEYS.items() if not key.role & Role.MACHINERY]
 

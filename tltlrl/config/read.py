@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from tltlrl.config.keys import KEYS, algorithm_settings, kept
+from tltlrl.config.keys import KEYS, algorithm_settings, result_keys
 from tltlrl.config.machinery import Engine, Machinery
 from tltlrl.errors import UserError, nearest
 from tltlrl.learning.reps import RepsSettings
@@ -45,7 +45,7 @@ def read(config: Mapping[str, Any]) -> tuple[Study, Machinery]:
     algorithm, learners = _algorithm(config["algorithm"], names)
     task: Any = dataclass_from(entry.config, config["task"], "task")
     reward: Any = dataclass_from(entry.reward, config["reward"], "reward")
-    settings = {key: value for key, value in config.items() if key in kept()}
+    settings = {key: value for key, value in config.items() if key in result_keys()}
     for learner in learners.values():  # a learner's defaults are kept with the results
         settings["algorithm"] = settings["algorithm"] | dataclasses.asdict(learner)
     study = Study(

@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from tltlrl.config.compare import differences
-from tltlrl.config.keys import Role, having, kept
+from tltlrl.config.keys import Role, having, result_keys
 from tltlrl.config.read import seeds_of
 from tltlrl.errors import UserError
 from tltlrl.experiments.folder import empty, is_record, read_record
@@ -144,9 +144,9 @@ def _settings_before(folder: Path, known: Mapping[str, Any] | None) -> tuple[dic
     names = {entry.name for entry in folder.iterdir() if not entry.name.startswith(".")}
     if not names - {SPECS, START}:
         return None, False
-    if (before := read_record(folder / CONFIG, kept())) is not None:
+    if (before := read_record(folder / CONFIG, result_keys())) is not None:
         return before, False
-    if known is not None and intact(known) is not False and is_record(known["config"], kept()):
+    if known is not None and intact(known) is not False and is_record(known["config"], result_keys()):
         return known["config"], True
     raise UserError(
         f"{folder} exists and holds no results of tltl-run (its {CONFIG} is missing or not one of ours); "

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from tltlrl.config.compare import differences
-from tltlrl.config.keys import kept, machinery_defaults
+from tltlrl.config.keys import machinery_defaults, result_keys
 from tltlrl.errors import UserError
 from tltlrl.experiments.folder import read_record
 from tltlrl.experiments.origin import code_digest, processor
@@ -160,7 +160,7 @@ def settings_in(path: Path) -> dict[str, Any]:
 
 def _difference(path: Path, content: Mapping[str, Any]) -> str:
     """What its config says in another way than config.yaml beside it, if that is there."""
-    beside = read_record(path.parent / CONFIG, kept())
+    beside = read_record(path.parent / CONFIG, result_keys())
     lines = differences(beside, content["config"]) if beside else ""
     return (
         f" ({'; '.join(line.strip() for line in lines.splitlines())})".replace(" there, ", f" in {CONFIG}, ")

@@ -136,7 +136,9 @@ def parse_space(overrides: Sequence[str]) -> tuple[list[str], dict[str, str], di
         key = override.get_key_element().lstrip("+")
         section = key.split(".")[0]
         if section == "experiment" or (section in KEYS and Role.SEARCHED not in KEYS[section].role):
-            raise UserError(f"{key}: it cannot be searched; candidates have the same runs, and one spec to be compared by")
+            raise UserError(
+                f"{key}: it cannot be searched; candidates have the same runs, and one spec to be compared by"
+            )
         if key in space:
             raise UserError(f"{key}: given twice")
         space[key] = "".join(text.partition("=")[2].split())

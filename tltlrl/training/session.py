@@ -47,7 +47,7 @@ LOCK_SECONDS = 10.0  # a worker ends within a few seconds after its command was 
 
 
 @dataclass(frozen=True)
-class Progress:
+class Stand:
     """Where a run stands, as its checkpoint holds it.
 
     Attributes:
@@ -60,10 +60,10 @@ class Progress:
     best: Policy
     robustness: float
 
-    def seen(self, policy: Policy, robustness: float) -> Progress:
-        """The progress after a policy's mean motion was simulated. If two are equally good, the newer is the best."""
+    def seen(self, policy: Policy, robustness: float) -> Stand:
+        """The stand after a policy's mean motion was simulated. If two are equally good, the newer is the best."""
         better = robustness >= self.robustness
-        return Progress(self.state, policy if better else self.best, robustness if better else self.robustness)
+        return Stand(self.state, policy if better else self.best, robustness if better else self.robustness)
 
 
 def train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
@@ -124,10 +124,10 @@ def _train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
     def learner_after(iterations: int) -> Learner[Any]:
         return make_learner(run, run.stage(max(iterations - 1, 0)))
 
-    def like(iterations: int) -> Progress:
-        return Progress(learner_after(iterations).start(start), start, -math.inf)
+    def like(iterations: int) -> Stand:
+        return Stand(learner_after(iterations).start(start), start, -math.inf)
 
-    first, env_steps, stands = resume(folder, identity, like)
+    first, env_steps, stand = resume(folder, identity, like)
     setup = dataclasses.replace(setup, learner=learner_after(first))
     same = {
         "task": setup.task.name,
@@ -148,18 +148,18 @@ def _train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
             clock = time.perf_counter()
             if run.refine is not None and i == run.refine.first:
                 refined = refined_policy(
-                    setup.task, setup.simulator, setup.learner.policy(stands.state), run.refine.algorithm
+                    setup.task, setup.simulator, setup.learner.policy(stand.state), run.refine.algorithm
                 )
                 setup = dataclasses.replace(setup, learner=make_learner(run, run.refine))
-                stands = dataclasses.replace(stands, state=setup.learner.start(refined))
-            result = iterate(run, setup, stands.state, i)
-            stands = stands.seen(setup.learner.policy(stands.state), result.record["robustness_policy"])
-            stands = dataclasses.replace(stands, state=result.state)
+                stand = dataclasses.replace(stand, state=setup.learner.start(refined))
+            result = iterate(run, setup, stand.state, i)
+            stand = stand.seen(setup.learner.policy(stand.state), result.record["robustness_policy"])
+            stand = dataclasses.replace(stand, state=result.state)
             env_steps += result.env_steps
             counts = {"iteration": i, "episodes": (i + 1) * run.algorithm.samples, "env_steps": env_steps}
             row = same | counts | result.record
             if run.algorithm.keep == "best":
-                row["robustness_kept"] = stands.robustness
+                row["robustness_kept"] = stand.robustness
             columns = columns or list(row)
             if list(row) != columns:  # otherwise values would stand under wrong names
                 raise ValueError(f"the learner's diagnostics changed at iteration {i}: {list(row)}, before {columns}")
@@ -171,12 +171,12 @@ def _train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
             if time.monotonic() - last_checkpoint > CHECKPOINT_SECONDS:
                 for file in (progress, clauses, timing):
                     file.flush()
-                write_checkpoint(folder, identity, Checkpoint(i + 1, env_steps, arrays_of(stands)))
+                write_checkpoint(folder, identity, Checkpoint(i + 1, env_steps, arrays_of(stand)))
                 last_checkpoint = time.monotonic()
-    write_checkpoint(folder, identity, Checkpoint(run.algorithm.iterations, env_steps, arrays_of(stands)))
-    policy = setup.learner.policy(stands.state)
+    write_checkpoint(folder, identity, Checkpoint(run.algorithm.iterations, env_steps, arrays_of(stand)))
+    policy = setup.learner.policy(stand.state)
     if run.algorithm.keep == "best":
-        policy = stands.seen(policy, robustness_of(run, setup, policy)).best
+        policy = stand.seen(policy, robustness_of(run, setup, policy)).best
     results = judge(run, setup, policy)
     calm = None
     if run.algorithm.calm and results["satisfied"]:

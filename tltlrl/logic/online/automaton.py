@@ -74,7 +74,7 @@ class Automaton:
 
 
 @dataclass(slots=True)
-class Progress:
+class Expansion:
     """Computes what the terms of a spec ask of one sample and of the next."""
 
     terms: Terms

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from tltlrl.logic.graph import FOREVER, Array, Graph
-from tltlrl.logic.online.automaton import Automaton, Progress, TooLargeError
+from tltlrl.logic.online.automaton import Automaton, Expansion, TooLargeError
 from tltlrl.logic.online.memory import Memory
 from tltlrl.logic.online.sheet import Layout
 from tltlrl.logic.online.slices import Ahead, Slice
@@ -125,7 +125,7 @@ def compiled(graph: Graph, root: int) -> Compiled:
       RecursionError: for a formula that nests too deep.
     """
     terms = Terms(graph)
-    progress = Progress(terms)
+    expansion = Expansion(terms)
     found: dict[int, None] = {}
     others = []
     for part in _parts(graph, root):
@@ -133,7 +133,7 @@ def compiled(graph: Graph, root: int) -> Compiled:
             found.update(dict.fromkeys(terms.conjuncts(terms.from_start(part))))
         except UnsupportedError:
             others.append(part)
-    return Compiled(terms, tuple(_clause(terms, progress, term) for term in found), tuple(others))
+    return Compiled(terms, tuple(_clause(terms, expansion, term) for term in found), tuple(others))
 
 
 def _parts(graph: Graph, node: int) -> list[int]:
@@ -144,10 +144,10 @@ def _parts(graph: Graph, node: int) -> list[int]:
     return [part for arg in op.args for part in _parts(graph, arg)]
 
 
-def _clause(terms: Terms, progress: Progress, term: int) -> Clause:
+def _clause(terms: Terms, expansion: Expansion, term: int) -> Clause:
     for read in (term, terms.with_bounded(term)):
         try:
-            automaton = progress.automaton(read)
+            automaton = expansion.automaton(read)
         except TooLargeError:
             continue
         delays = [
