@@ -227,8 +227,8 @@ def _read(search: Search, candidates: Sequence[FrozenTrial]) -> Results:
 def _tell_change(candidate: FrozenTrial, value: float) -> None:
     if candidate.value != value:
         _say(
-            f"candidate {candidate.number}: robustness {candidate.value:+.4f} by {JOURNAL} and {value:+.4f} by its runs, "
-            "which count"
+            f"candidate {candidate.number}: robustness {candidate.value:+.4f} by {JOURNAL} and {value:+.4f} by its "
+            "runs, which count"
         )
 
 
