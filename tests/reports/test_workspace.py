@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from tltlrl.learning.policy import Policy
@@ -57,6 +58,20 @@ def test_of_a_point_in_space_there_are_two_views(task):
     figure = workspace.workspace_figure(run_of(box, task), POLICY, count=2)
     labels = [(axes.get_xlabel(), axes.get_ylabel()) for axes in figure.axes[:2]]
     assert labels == [("x (m)", "y (m)"), ("x (m)", "z (m)")]
+
+
+def test_labels_of_two_views_are_whole_and_free(task):
+    """Of a narrow motion, whose numbers are long: -0.35."""
+    way = np.array([0.6, -0.62, -0.1]) + np.linspace(0, 1, 10)[:, None] * [0.1, 0.27, 0.2]
+    task.signals = lambda features, _: {"tip": np.broadcast_to(way, (len(features), *way.shape))}
+    figure = workspace.workspace_figure(run_of("signal tip[3]\nspec: F tip.z > 9", task), POLICY, count=2)
+    FigureCanvasAgg(figure).draw()
+    first, second = figure.axes[:2]
+    for axes in (first, second):
+        assert max(len(tick.get_text()) for tick in axes.get_yticklabels()) == 5
+    left, between = (axes.yaxis.label.get_window_extent().x0 for axes in (first, second))
+    assert left > 0
+    assert between > first.get_window_extent().x1
 
 
 def test_regions_say_when_they_are_entered_and_the_ring_what_decides(task):

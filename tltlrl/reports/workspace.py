@@ -69,7 +69,8 @@ def workspace_figure(run: Run, policy: Policy, count: int = 20) -> Figure:
         caption = _caption(task, motion, run, count)
         low = (0.62 + 0.13 * (1 + caption.count("\n"))) / HEIGHT
         top = 0.93 if len(views) == 1 else 0.89
-        grid = figure.add_gridspec(1, len(views), left=0.1, right=0.87, top=top, bottom=low, wspace=0.3)
+        left, between = (0.1, 0.0) if len(views) == 1 else (0.125, 0.42)  # of two views, numbers may be longer
+        grid = figure.add_gridspec(1, len(views), left=left, right=0.87, top=top, bottom=low, wspace=between)
         all_axes = [figure.add_subplot(grid[i]) for i in range(len(views))]
         for axes, view in zip(all_axes, views, strict=True):
             _draw_view(axes, task, motion, view, sampled_paths)
