@@ -13,7 +13,7 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 
 import tltlrl.gym  # noqa: E402
 from tltlrl.errors import UserError  # noqa: E402
-from tltlrl.logic import parse_spec  # noqa: E402
+from tltlrl.logic import SpecError, parse_spec  # noqa: E402
 from tltlrl.logic.online.potential import finite  # noqa: E402
 from tltlrl.tasks.planar_arm.scene import PlanarArm  # noqa: E402
 
@@ -97,6 +97,8 @@ def test_a_spec_of_ones_own_with_constants(tmp_path):
         )
     with pytest.raises(UserError, match="spec: it needs a signal foo, which reach_avoid has not"):
         gymnasium.make("tltlrl/ReachAvoid-v0", spec=parse_spec("F foo > 0"))
+    with pytest.raises(SpecError, match="300"):
+        gymnasium.make("tltlrl/ReachAvoid-v0", spec=parse_spec("signal ee[2]\nspec: F ee.x > 0 & G[300,400] ee.x > 0"))
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import numbers
 from collections.abc import Sequence
 from dataclasses import MISSING, dataclass
 from typing import Any
@@ -75,9 +76,21 @@ def check(settings: Any, section: str) -> None:
         if (allowed := field.metadata.get("setting")) is None:
             continue
         key, value = f"{section}.{field.name}", getattr(settings, field.name)
-        if field.type in ("int", int) and not isinstance(value, int):
+        if not _whole(field.type, value):
             raise UserError(f"{key}: expected a whole number, not {value!r}")
         check_value(key, value, allowed)
+
+
+def _whole(kind: Any, value: Any) -> bool:
+    """Whether a value has whole numbers where the type of its field, maybe written as text, asks for them."""
+    match kind.__name__ if isinstance(kind, type) else str(kind):
+        case "int":
+            return isinstance(value, numbers.Integral) and not isinstance(value, bool)
+        case "int | None":
+            return value is None or _whole("int", value)
+        case "list[int]":
+            return all(_whole("int", part) for part in value)
+    return True
 
 
 def check_value(key: str, value: Any, allowed: Setting) -> None:

@@ -1,8 +1,8 @@
 """From what is typed to the config: spellings, plain text, paths."""
 
+import dataclasses
 import re
 from pathlib import Path
-from typing import get_origin, get_type_hints
 
 import pytest
 
@@ -16,12 +16,12 @@ from tltlrl.resources import SPECS, spec_path, user_path
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.mark.parametrize("task", [*TASKS.built_in, "mjcf", "suite", "gymnasium"])
+@pytest.mark.parametrize("task", ["mjcf", "suite", "gymnasium"])
 def test_keys_of_every_mapping_of_a_task_can_be_set_one_by_one(task):
     """Those of `evaluation`, too, which a page need not have."""
-    config = TASKS.get(task).config
-    mappings = [name for name, hint in get_type_hints(config).items() if get_origin(hint) is dict]
-    assert {f"task.{name}.".startswith(OPEN) for name in mappings} <= {True}
+    mappings = [field.name for field in dataclasses.fields(TASKS.get(task).config) if "dict" in str(field.type)]
+    assert mappings
+    assert all(f"task.{name}.".startswith(OPEN) for name in mappings)
 
 
 def composed(*overrides):

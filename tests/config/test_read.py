@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import sys
+import types
 
 import forked
 import pytest
@@ -12,8 +13,9 @@ from tltlrl.cli import main as cli
 from tltlrl.config.compare import differences
 from tltlrl.config.compose import compose
 from tltlrl.config.keys import Role, having
-from tltlrl.config.read import read
+from tltlrl.config.read import _algorithm, read
 from tltlrl.errors import UserError
+from tltlrl.settings import setting
 from tltlrl.training.study import Case
 
 GROWING = tuple(having(Role.GROWS))
@@ -136,6 +138,17 @@ def test_a_packages_task_in_an_experiment_of_ones_own(tmp_path, capsys):
 def test_mistakes_with_a_package(overrides, message):
     with pytest.raises(UserError, match=message):
         read(compose(overrides))
+
+
+def test_a_learners_own_key_may_have_the_name_of_one_of_reps(monkeypatch):
+    @dataclasses.dataclass(frozen=True)
+    class Own:
+        epsilon: float = setting("another bound", 0.5, least=0)
+
+    registry = types.SimpleNamespace(get=lambda _: types.SimpleNamespace(Settings=Own))
+    monkeypatch.setattr("tltlrl.config.read.LEARNERS", registry)
+    _, found = _algorithm({**compose(["experiment=reach_avoid"])["algorithm"], "epsilon": 0.0}, ["mine"])
+    assert found == {"mine": Own(epsilon=0.0)}
 
 
 @pytest.mark.usefixtures("package")

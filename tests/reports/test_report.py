@@ -1,5 +1,6 @@
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -99,6 +100,10 @@ def test_where_the_best_policy_is_kept_it_is_the_one_that_satisfies_for_good():
     done = {"robustness_policy": 1.0, "satisfied": True, "trials": 1, "successes": 1, "outcomes": {}}
     (row,) = summarise(curves, {Path("a/seed_0"): done}).to_dict("records")
     assert (row["first_satisfied_iteration"], row["satisfied_for_good_iteration"]) == (1, 1)
+    other = curves.assign(robustness_kept=np.nan)  # of a case that keeps the last one
+    done |= {"robustness_policy": 0.5}
+    (row,) = summarise(other, {Path("a/seed_0"): done}).to_dict("records")
+    assert (row["first_satisfied_iteration"], row["satisfied_for_good_iteration"]) == (1, 3)
 
 
 def test_the_outcome_of_every_case_in_a_line():

@@ -7,7 +7,7 @@ import pytest
 
 import tltlrl
 from tltlrl.errors import UserError
-from tltlrl.logic import load_spec, parse_spec
+from tltlrl.logic import SpecError, load_spec, parse_spec
 from tltlrl.registry import TASKS
 from tltlrl.resources import spec_path
 from tltlrl.tasks.environment import environment
@@ -132,8 +132,11 @@ def test_load_task_has_the_first_hand_made_reward(name):
 
 
 def test_a_spec_of_other_signals_is_told():
+    task = TASKS.get("reach_avoid").make(TASKS.get("reach_avoid").config())
     with pytest.raises(UserError, match=r"^spec: it needs a signal foo, which reach_avoid has not"):
-        environment(TASKS.get("reach_avoid").make(TASKS.get("reach_avoid").config()), parse_spec("F foo > 0"))
+        environment(task, parse_spec("F foo > 0"))
+    with pytest.raises(SpecError, match="300"):
+        environment(task, parse_spec("signal ee[2]\nspec: G[300,400] ee.x > 0"))
 
 
 def test_an_unknown_task_is_told():

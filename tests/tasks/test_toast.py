@@ -190,6 +190,20 @@ def gentle_signals(**changed: np.ndarray) -> dict[str, np.ndarray]:
     return own | changed
 
 
+def test_a_tilt_moves_the_slices_foot_as_the_gentle_spec_says() -> None:
+    """Of tilted hands at the slot, in the directions of `fits`; and a corner sinks as `table` says."""
+    near = np.array([1.1548, -0.6221, -0.9009, 1.4833, 0.7952, 1.1021, -0.6967])
+    angles = near + np.random.default_rng(0).normal(0, [0, 0, 0, 0, 0.1, 0.1, 0.1], (200, 7))
+    position, turned = toast.forward_kinematics(angles)
+    rotation = toast.rotation_from_release(toast.roll_pitch_yaw(turned))
+    foot = position + turned @ [0, 0, toast.BREAD_REACH]
+    assert np.abs(rotation[:, :2]).max(axis=0).min() > 0.15
+    np.testing.assert_allclose(foot[:, :2], position[:, :2] - 0.09 * rotation[:, [1, 0]], atol=5e-3)
+    corners = np.stack([foot + turned @ [side, 0, 0] for side in (-0.06, 0.06)])
+    lowest = position[:, 2] - 0.09 - 0.06 * np.abs(rotation[:, 1])
+    np.testing.assert_allclose(corners[..., 2].min(axis=0), lowest, atol=6e-3)
+
+
 def test_what_satisfies_the_gentle_spec_satisfies_the_other() -> None:
     rng = np.random.default_rng(2)
     own, gentle = load_spec(spec_path("toast")), load_spec(spec_path("toast_gentle"))
@@ -209,6 +223,8 @@ def test_what_satisfies_the_gentle_spec_satisfies_the_other() -> None:
         ("fast", "G gentle", -0.01),
         ("from the side", "!slot U above", -0.015),
         ("tilted in the slot", "!slot U (slot & fits)", 25 / 18 * (0.018 - 0.09 * 0.25)),
+        ("tilted against the gripper's place", "!slot U (slot & fits)", 25 / 18 * (0.018 - 0.015 - 0.09 * 0.15)),
+        ("tilted across", "!slot U (slot & fits)", 25 / 18 * (0.018 - 0.015 - 0.09 * 0.15)),
         ("tilted above the table", "G !(table | toaster)", 2.5 * (0.01 - 0.06 * 0.2)),
         ("tilted beside the slot", "G !(table | toaster)", -0.007),
     ],
@@ -223,6 +239,10 @@ def test_the_gentle_spec_asks_for_more(change: str, decides: str, value: float) 
         ee[:4] = [[0.7, -0.35 + y, 0.085] for y in (0.16, 0.12, 0.08, 0.04)]
     elif change == "tilted in the slot":
         rotation[3:, 0] = 0.25
+    elif change == "tilted against the gripper's place":
+        ee[3:, 1], rotation[3:, 0] = -0.35 + 0.015, -0.15
+    elif change == "tilted across":
+        ee[3:, 0], rotation[3:, 1] = 0.7 - 0.015, 0.15
     elif change == "tilted above the table":
         ee[0] = [0.6, -0.62, -0.1]
         rotation[0, 1] = 0.2

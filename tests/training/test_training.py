@@ -277,6 +277,7 @@ def test_reach_avoid_is_learned_in_short(rule, tmp_path):
     [
         ({"iterations": 0}, "algorithm.iterations: 0 is too small; it must be at least 1"),
         ({"iterations": 2.5}, "algorithm.iterations: expected a whole number, not 2.5"),
+        ({"iterations": True}, "algorithm.iterations: expected a whole number, not True"),
         ({"samples": 1}, "algorithm.samples: 1 is too small; it must be at least 2"),
         ({"initial_std": 0.0}, "algorithm.initial_std: 0.0 is too small; it must be above 0"),
         ({"feedback": 1e7}, "algorithm.feedback: 10000000.0 is too large; it must be at most 1000000.0"),

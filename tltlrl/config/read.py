@@ -116,8 +116,10 @@ def _algorithm(
         return {key: value for key, value in values.items() if key in names}
 
     common = dataclass_from(AlgorithmConfig, of(AlgorithmConfig), where)
-    if RepsSettings not in kinds.values():  # its keys are there all the same
-        dataclass_from(RepsSettings, of(RepsSettings), where, defaults=True)
+    if RepsSettings not in kinds.values():  # its keys are there all the same, where no learner has them itself
+        own = [field.name for kind in kinds.values() for field in dataclasses.fields(kind)]
+        unread = {key: value for key, value in of(RepsSettings).items() if key not in own}
+        dataclass_from(RepsSettings, unread, where, defaults=True)
     return common, {name: dataclass_from(kind, of(kind), where, defaults=True) for name, kind in kinds.items()}
 
 

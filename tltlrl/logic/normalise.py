@@ -40,7 +40,7 @@ def predicates(formula: Truth) -> dict[int, object]:
 
 
 def spreads(places: Mapping[int, object], margins: Mapping[int, Array]) -> dict[int, float]:
-    """The spread of each predicate; its largest margin where it never changes, or 1 where that is 0.
+    """The spread of each predicate; its largest margin where it never changes, or 1 where that is 0, but for rounding.
 
     Args:
       places: predicate's node => where it is written.
@@ -53,7 +53,8 @@ def spreads(places: Mapping[int, object], margins: Mapping[int, Array]) -> dict[
     for place, values in seen.items():
         spread = float(np.sqrt(np.mean([np.var(margin) if len(margin) else 0.0 for margin in values])))
         largest = float(max(np.max(np.abs(margin), initial=0.0) for margin in values))
-        scales[place] = spread if spread > ROUNDING * largest else largest or 1.0
+        still = largest if largest > ROUNDING**2 else 1.0  # below, it is rounding error itself
+        scales[place] = spread if spread > max(ROUNDING * largest, ROUNDING**2) else still
     return {node: scales[place] for node, place in places.items()}
 
 

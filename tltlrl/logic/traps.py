@@ -156,18 +156,30 @@ def _told(node: Node, place: _Place) -> Iterator[str]:
 def _of_conjunction(conjunction: syntax.And) -> Iterator[tuple[Node, str]]:
     """What is to be said of an operand of a conjunction beside the others: of `F p & G (p => X q)`, its second."""
     operands = conjunction.operands
-    met = [part.operand for part in operands if isinstance(part, syntax.Eventually) and part.interval is None]
+    met = [_conjuncts(part.operand) for part in operands if isinstance(part, syntax.Eventually) and not part.interval]
     for part in operands:
         match part:
-            case syntax.Always(syntax.Implies(p, syntax.Next(q, False)), None) if p in met:
-                followed = syntax.Next(q, strong=True, span=part.span)
-                asked = syntax.And((p, followed), span=part.span)
-                if asked not in met:
+            case syntax.Always(syntax.Implies(p, syntax.Next(_, False) as after), None) if _conjuncts(p) in met:
+                with_p = [found for found in met if all(each in found for each in _conjuncts(p))]
+                if not any(isinstance(each, syntax.Next) and each.strong for found in with_p for each in found):
                     yield (
                         part,
                         f"{_short(p)} may hold at the last sample alone, and then nothing is asked of what follows; "
-                        f"if it must follow, add F ({asked})",
+                        f"if it must follow, add F ({syntax.And((p, _strong(after)))})",
                     )
+
+
+def _conjuncts(formula: Node) -> list[Node]:
+    return (
+        [each for part in formula.operands for each in _conjuncts(part)]
+        if isinstance(formula, syntax.And)
+        else [formula]
+    )
+
+
+def _strong(formula: Node) -> Node:
+    """A formula whose X at the front, one or several, ask for next samples."""
+    return syntax.Next(_strong(formula.operand), strong=True) if isinstance(formula, syntax.Next) else formula
 
 
 def _cut(node: Node, now: str, written: str, then: str) -> str:

@@ -243,7 +243,7 @@ def _motions(folder: Path, study: Study, finished: Mapping[Path, Mapping[str, An
         name = f"{_label(case)}, seed {run_of(median)[1]}"
         motion = watch(task, study.spec, learned_policy(median), simulator)
         calm = ""
-        if (median / CALM).exists():
+        if "calm" in finished[median]:
             calmed = watch(task, study.spec, learned_policy(median, CALM), simulator)
             calm = (
                 f"<h4>The calm motion</h4><p>Robustness {calmed.why.value:+.3f}, decided "

@@ -114,7 +114,9 @@ def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) 
     for path, done in outcomes.items():
         case, seed = run_of(path)
         run = runs.get_group((case, seed))
-        policy = run["robustness_kept" if "robustness_kept" in run else "robustness_policy"]
+        policy = run["robustness_policy"]
+        if "robustness_kept" in run:
+            policy = run["robustness_kept"].fillna(policy)
         satisfied, violated = run.loc[policy > 0, "iteration"], run.loc[policy <= 0, "iteration"]
         rows.append(
             {
@@ -145,7 +147,7 @@ def summarise(curves: pd.DataFrame, outcomes: Mapping[Path, Mapping[str, Any]]) 
 def median_iteration(iterations: pd.Series) -> str:
     """The median over all seeds; a seed that never satisfied the spec counts as the latest."""
     median = iterations.astype(float).fillna(np.inf).median()
-    return f"{median:g}" if np.isfinite(median) else "never"
+    return f"{median:.1f}".removesuffix(".0") if np.isfinite(median) else "never"
 
 
 def outcome_lines(summary: pd.DataFrame) -> list[str]:

@@ -38,7 +38,7 @@ def environment(
       noise: whether commands are noisy, and starts random where the task has a `start_spread`.
 
     Raises:
-      UserError: if the spec does not fit the task.
+      UserError: if the spec does not fit the task: its signals, or a window that begins after the last sample.
     """
     if isinstance(reward, Spec):
         reward = reward.sampled(task.control_timestep)

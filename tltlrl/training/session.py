@@ -215,13 +215,13 @@ def _write_row(file: TextIO, row: dict[str, Any], header: bool) -> None:
 
 
 def resume(folder: Path, identity: str, like: Callable[[int], Any]) -> tuple[int, int, Any]:
-    """Iterations done, their samples, and the progress of a run; cuts the CSV files back to the checkpoint.
+    """Iterations done, their samples, and where a run stands; cuts the CSV files back to the checkpoint.
 
     Without a usable checkpoint the run starts again from its first state.
 
     Args:
       folder, identity: of the run.
-      like: iterations done => a progress with the fields that the checkpoint should have; for 0, the first one.
+      like: iterations done => a stand with the fields that the checkpoint should have; for 0, the first one.
     """
     try:
         saved = read_checkpoint(folder, identity)

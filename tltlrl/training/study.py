@@ -202,7 +202,7 @@ class Run:
             asked["leximin"] = LEXIMIN_EDITION
         if self.algorithm.calm:
             asked["calm"] = CALM_EDITION
-        if self.algorithm.normalise:
+        if self.algorithm.normalise and self.case.reward == TLTL:
             asked["normalise"] = NORMALISE_EDITION
         return digest(json.dumps(asked, sort_keys=True).encode())
 
