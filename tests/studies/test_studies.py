@@ -212,6 +212,25 @@ def test_the_page_on_learners_shows_its_csv_file():
         assert share == as_printed(share, [own["share_of_best"].median()])
 
 
+def test_the_page_on_learners_shows_what_comes_out_of_the_best_experiments():
+    rows = pd.read_csv(STUDIES / "learners.csv").query("learner == 'best'")
+    best = rows.assign(learner=rows["task"] + "_best")
+    calm = pd.read_csv(STUDIES / "calm.csv").query("policy == 'calm'").groupby("folder")["episodes"].median()
+    for name, own in pd.concat([best, pd.read_csv(STUDIES / "starts.csv")]).groupby("learner"):
+        episodes, of_calm, satisfied, good, robustness, trials = cells_of("learners.md", name)
+        (count,) = own["episodes"].unique()
+        assert int(episodes.replace(" ", "")) == count
+        assert of_calm.replace(" ", "") == (f"{calm[name]:.0f}" if name in calm else "")
+        assert satisfied == f"{own['satisfied'].sum()} of {len(own)}"
+        assert good == as_printed(good, [own["for_good"].median(), own["for_good"].max()])
+        value = own["robustness_policy"]
+        assert robustness == as_printed(robustness, [value.median(), value.min(), value.max()])
+        told = f"{own['successes'].sum()} of {own['trials'].sum()}"
+        assert trials.partition(",")[0] == told
+        if own["bread_in_slot"].notna().all():
+            assert trials == f"{told}, bread {own['bread_in_slot'].sum():.0f}"
+
+
 def test_the_page_on_calm_motions_shows_its_csv_file_whose_policies_are_those_of_the_learners():
     rows, learned = (pd.read_csv(STUDIES / f"{name}.csv") for name in ("calm", "learners"))
     for (folder, policy), own in rows.groupby(["folder", "policy"]):
