@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from tltlrl.learning.policy import Policy
 from tltlrl.logic.reasons import from_json
 from tltlrl.reports.charts import Line, chart
 from tltlrl.reports.clauses import Standing, averaged, stuck
@@ -34,6 +35,7 @@ from tltlrl.reports.report import (
     median_run,
     medians_of_motion,
 )
+from tltlrl.simulation.motion import MEASURES
 from tltlrl.simulation.simulator import simulator_of
 from tltlrl.store.clauses import CLAUSE, DECIDES
 from tltlrl.store.files import write_text
@@ -236,26 +238,27 @@ def _code(text: str) -> str:
 def _motions(folder: Path, study: Study, finished: Mapping[Path, Mapping[str, Any]]) -> str:
     task = make_task(study.task)
     simulator = simulator_of(task)
+
+    def played(identifier: str, policy: Policy, name: str) -> str:
+        motion = watch(task, study.spec, policy, simulator)
+        return (
+            f"<h3>{escape(name)}</h3><p>Robustness {motion.why.value:+.3f}, decided "
+            f"{escape(motion.why.decided_by)}.</p>{player(identifier, task, motion, name)}"
+        )
+
     parts = []
     for case in dict.fromkeys(run_of(path)[0] for path in finished):
         median = median_run(finished, case)
         assert median is not None
         name = f"{_label(case)}, seed {run_of(median)[1]}"
-        motion = watch(task, study.spec, learned_policy(median), simulator)
+        learned = played(f"motion-{case}", learned_policy(median), name)
         calm = ""
         if "calm" in finished[median]:
-            calmed = watch(task, study.spec, learned_policy(median, CALM), simulator)
-            calm = (
-                f"<h4>The calm motion</h4><p>Robustness {calmed.why.value:+.3f}, decided "
-                f"{escape(calmed.why.decided_by)}.</p>{player(f'motion-{case}-calm', task, calmed, f'{name}, calm')}"
-            )
+            calm = played(f"motion-{case}-calm", learned_policy(median, CALM), f"{name}, calm")
         picture = _embedded(folder / case / f"{WORKSPACE}.png", "image/png", f"Workspace of {name}")
         film = next((_embedded(median / f"motion{kind}", mime, f"Film of {name}") for kind, mime in FILMS.items()
                      if (median / f"motion{kind}").exists()), "")  # fmt: skip
-        parts.append(
-            f"<h3>{escape(name)}</h3><p>Robustness {motion.why.value:+.3f}, decided "
-            f"{escape(motion.why.decided_by)}.</p>{player(f'motion-{case}', task, motion, name)}{film}{picture}{calm}"
-        )
+        parts.append(f"{learned}{film}{picture}{calm}")
     return f"<p>Of each case the seed with the median robustness, without noise.</p>{''.join(parts)}" if parts else ""
 
 
@@ -266,8 +269,9 @@ def _measures(summary: pd.DataFrame) -> str:
     rows = [
         [escape(_label(case)) + ", calm" * is_calm, *medians] for case, is_calm, medians in medians_of_motion(summary)
     ]
-    units = "".join(f"<li>{escape(name)}: {escape(meaning)}</li>" for name, meaning in names.items())
-    return f"<p>{OF_THE_MOTION}</p>{_table(['case', *names], rows, 'measures of motion')}<ul class='quiet'>{units}</ul>"
+    units = "".join(f"<li>{escape(name)}: {escape(MEASURES[column])}</li>" for column, name in names.items())
+    table = _table(["case", *names.values()], rows, "measures of motion")
+    return f"<p>{OF_THE_MOTION}</p>{table}<ul class='quiet'>{units}</ul>"
 
 
 def _embedded(path: Path, mime: str, text: str) -> str:

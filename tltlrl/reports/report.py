@@ -238,9 +238,9 @@ def picture_lines(task: Task, spec: Spec, finished: Mapping[Path, Mapping[str, A
 
 
 def measured(summary: pd.DataFrame) -> dict[str, str]:
-    """The measures of motion that some policy has, as a page names them, and what each says."""
+    """The measures of motion that some policy has: column => how a page names it."""
     known = (name for name in MEASURES if summary[name].notna().any())
-    return {name.replace("_", " ").replace("rms", "RMS"): MEASURES[name] for name in known}
+    return {name: name.replace("_", " ").replace("rms", "RMS") for name in known}
 
 
 def medians_of_motion(summary: pd.DataFrame) -> list[tuple[str, bool, list[str]]]:
@@ -249,8 +249,7 @@ def medians_of_motion(summary: pd.DataFrame) -> list[tuple[str, bool, list[str]]
     Returns:
       The case, whether the row is of calm policies, and the medians; an empty text where there is none.
     """
-    known = [name for name in MEASURES if summary[name].notna().any()]
-    found = []
+    known, found = measured(summary), []
     for case, rows in summary.groupby("case", sort=False):
         for is_calm in (False, True):
             if is_calm and ("calm_successes" not in rows or rows["calm_successes"].isna().all()):
@@ -272,12 +271,12 @@ def motion_lines(summary: pd.DataFrame) -> list[str]:
         "",
         OF_THE_MOTION,
         "",
-        f"| case | {' | '.join(names)} |",
+        f"| case | {' | '.join(names.values())} |",
         "|---" * (1 + len(names)) + "|",
     ]
     for case, is_calm, medians in medians_of_motion(summary):
         lines.append(f"| {case}{', calm' * is_calm} | {' | '.join(medians)} |")
-    units = (f"- {name}: {meaning}" for name, meaning in names.items())
+    units = (f"- {name}: {MEASURES[column]}" for column, name in names.items())
     return [*lines, "", *units, *_calm_lines(summary)]
 
 

@@ -1,8 +1,8 @@
 """Makes a learned motion calm, as motion planners simplify their paths: removes movement that the spec does not need.
 
 The method tries shortcuts (`tltlrl.training.shortcuts`) of the commands. A shortcut stays if the exact robustness stays
-above a share of the learned robustness, and if the robustness with noise stays above 0, from random starts
-where the task has them.
+above a share of the learned robustness, and if the robustness with noise, from random starts where the task has them,
+stays above 0.
 
 Proposals are commands u, simulated without feedback. Let s be the motion that u leads to. Without noise, the policy
 u_t + K (s'_t - s_t) makes the same motion for any gain K. So this works for every task and every feedback.
