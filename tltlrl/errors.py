@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import traceback
 from collections.abc import Iterable
-from difflib import get_close_matches
 
 MOST_NAMES = 30  # listed in one message
 
@@ -26,6 +24,8 @@ def shown(text: str) -> str:
 
 def nearest(name: object, valid: Iterable[object]) -> str:
     """'; did you mean ...?' with the closest valid name; '; there are: ...' if none is close; '' if none is valid."""
+    from difflib import get_close_matches  # only a mistake needs it
+
     names = sorted(map(printable, valid))
     if not names:
         return ""
@@ -36,5 +36,7 @@ def nearest(name: object, valid: Iterable[object]) -> str:
 
 def module_of(error: Exception) -> str:
     """The name of the module that raised an error."""
-    *_, (frame, _) = traceback.walk_tb(error.__traceback__)
-    return str(frame.f_globals["__name__"])
+    trace = error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    return "" if trace is None else str(trace.tb_frame.f_globals["__name__"])

@@ -6,7 +6,9 @@ Each command is a module beside this one. It is imported only when chosen, so th
 from __future__ import annotations
 
 import argparse
+import atexit
 import contextlib
+import gc
 import importlib
 import os
 import sys
@@ -17,6 +19,7 @@ from tltlrl.errors import UserError, shown
 
 # kB of address space (`ulimit -v`) without which BLAS, as it is loaded, asks for memory for ever or ends the process.
 NEEDED, NEEDED_FOR_A_SPEC = 1_000_000, 250_000
+SELDOM = 100_000  # new objects between two garbage collections: those of imported modules are no garbage
 OF_A_SPEC_ALONE = ("check", "watch")
 
 COMMANDS = {
@@ -116,6 +119,8 @@ def _render_nothing() -> None:
 def _told(name: str, arguments: list[str], command: Callable[[], int]) -> int:
     """Runs a command. A user's mistake becomes one message and exit code 2; Ctrl-C one message and 130."""
     _standard_streams()
+    gc.set_threshold(SELDOM)
+    atexit.register(gc.freeze)  # nor are they worth a search when the interpreter ends
     usual = warnings.formatwarning
     warnings.formatwarning = lambda message, *_, **__: f"{name}: {shown(str(message))}\n"  # without a line of our code
     try:

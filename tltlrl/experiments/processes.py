@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import gc
 import multiprocessing
 import os
 import pickle
@@ -190,6 +191,7 @@ def _work(pipe: Connection) -> None:
     """The work of a worker: computes the runs from the pipe, until its other end is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Windows has no blocked signals that a process could inherit
     threading.Thread(target=_end_with_the_command, daemon=True).start()
+    gc.disable()  # while modules are imported: what they make is no garbage
     ready = False
     while True:
         try:
@@ -202,6 +204,7 @@ def _work(pipe: Connection) -> None:
         if not ready:
             pipe.send(("ready", None))
             ready = True
+            gc.enable()
         last = 0.0
 
         def report(iteration: int) -> None:
