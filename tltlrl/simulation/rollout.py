@@ -110,6 +110,24 @@ def _blocks(steps: int, count: int) -> list[slice]:
     return [slice(first, first + size) for first in range(0, steps, size)]
 
 
+def _diverged(
+    path: Array, times: Array, features: Array, commands: Array, sent: Array, lengths: NDArray[np.int64]
+) -> tuple[int, int] | None:
+    """The first step and, at that step, the first trajectory that diverged; None if none did.
+
+    MuJoCo skips the rest of a control step in which something went wrong, and ignores a huge control.
+    """
+    late = np.abs(path[..., 0] - times[:, None]) > ROUNDING * np.maximum(np.arange(len(path)), 1)[:, None]
+    small = all(np.abs(numbers).max() < HUGE for numbers in (path, commands, sent, features))  # a NaN is not
+    if small and not late.any():  # nearly always
+        return None
+    sound = ~late & (np.abs(path) < HUGE).all(axis=2)
+    sound[1:] &= (np.abs(sent) < HUGE).all(axis=2)[:-1]
+    sound &= np.isfinite(features).all(axis=2) & np.isfinite(commands).all(axis=2)
+    wrong = np.argwhere(~sound & (np.arange(len(path))[:, None] < lengths))
+    return (int(wrong[0, 0]), int(wrong[0, 1])) if len(wrong) else None
+
+
 @dataclass(frozen=True)
 class Trajectories:
     """N trajectories of at most T samples.
@@ -190,6 +208,7 @@ class Simulator:
         path = np.empty((steps, n, self._start.size))  # the full physics states at the samples
         path[0] = starting_states(self._model, self._start, n, starts)
         control = np.empty((n, count, d))
+        fed_back = np.empty((n, d))
         states = np.empty((n, count, self._start.size))
         sensors = np.empty((n, count, self._model.nsensordata))
         models, data = [self._model] * n, [self._data]
@@ -202,16 +221,18 @@ class Simulator:
         # steps at once cost little. A feature that K does not read may then be anything, such as the time.
         needed = bool(transposed_gain[self._entries < 0].any())
         places, read = 1 + self._entries, np.empty((n, known))
-        for t in range(steps):
-            last, state = t + 1 == steps, path[t]
+        for t, (state, command) in enumerate(zip(path, commands, strict=True)):
+            last = t + 1 == steps
             if needed:
                 features[t, :, :known] = task.features(state[:, 1 : 1 + nq], state[:, 1 + nq : 1 + nq + nv])
-                commands[t] += features[t, :, :known] @ transposed_gain
+                np.dot(features[t, :, :known], transposed_gain, out=fed_back)
             else:
-                commands[t] += state.take(places, axis=1, out=read, mode="clip") @ transposed_gain
+                np.dot(state.take(places, axis=1, out=read, mode="clip"), transposed_gain, out=fed_back)
+            command += fed_back  # a view of `commands`
             if last and sensed is None:
                 break
-            np.add(commands[t, :, None], noise[t, :, None], out=control)
+            np.add(command[:, None], noise[t, :, None], out=control)
+            after = states if last or count > 1 else path[t + 1, :, None]
             self._rollout.rollout(
                 models,
                 data,
@@ -219,7 +240,7 @@ class Simulator:
                 control,
                 nstep=count,
                 skip_checks=True,
-                state=states,
+                state=after,
                 sensordata=sensors,
             )
             if sensed is not None:
@@ -228,26 +249,21 @@ class Simulator:
                 forces = sensors[:, -1].copy()
             if last:
                 break  # this step was only for the sensors
-            path[t + 1] = states[:, -1]
+            if after is states:
+                path[t + 1] = states[:, -1]
         if not needed:
             for block in _blocks(steps, n):
                 whole = path[block].reshape(-1, path.shape[2])
                 found = task.features(whole[:, 1 : 1 + nq], whole[:, 1 + nq : 1 + nq + nv])
                 features[block, :, :known] = found.reshape(-1, n, known)
-        # MuJoCo skips the rest of a control step in which something went wrong, and ignores a huge control.
-        times = self._start[0] + task.control_timestep * np.arange(steps)[:, None]
-        sound = np.abs(path[..., 0] - times) <= ROUNDING * np.maximum(np.arange(steps), 1)[:, None]
-        sound &= (np.abs(path) < HUGE).all(axis=2)
-        sound[1:] &= (np.abs(commands + noise) < HUGE).all(axis=2)[:-1]
         # Trajectories that end early were simulated to the end as well; they are cut here.
         ended = task.terminated(features.reshape(steps * n, -1)).reshape(steps, n)
         lengths = np.where(ended.any(axis=0), ended.argmax(axis=0) + 1, steps)
         for i in np.flatnonzero(lengths < steps):
             features[lengths[i] :, i] = features[lengths[i] - 1, i]
-        finite = np.isfinite(features).all(axis=2) & np.isfinite(commands).all(axis=2)
-        wrong = ~(finite & sound) & (np.arange(steps)[:, None] < lengths)
-        if wrong.any():
-            t, i = np.argwhere(wrong)[0]
+        times = self._start[0] + task.control_timestep * np.arange(steps)
+        if (where := _diverged(path, times, features, commands, commands + noise, lengths)) is not None:
+            t, i = where
             raise DivergedError(
                 f"the simulation of {task.name} diverged: trajectory {i}, step {t}, {t * task.control_timestep:.3g} s",
                 "a smaller timestep of the model, more damping or armature in its joints",
