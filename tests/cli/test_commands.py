@@ -150,7 +150,7 @@ def test_the_learned_motion_as_a_trace_that_check_explains(experiment, tmp_path,
         if name == "motion.csv":
             assert worth == f"{done['robustness_policy']:+.6g}"
     code, _, errors = tltl(capsys, "evaluate", experiment / RUN, "--samples", 2)
-    assert (code, errors) == (2, "tltl: --samples: say where to, as in --trace motion.csv\n")
+    assert (code, errors) == (2, "tltl: --samples: say where to write them, as in --trace motion.csv\n")
 
 
 @pytest.mark.usefixtures("without_pictures")

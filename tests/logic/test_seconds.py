@@ -95,7 +95,7 @@ def test_overrides_of_durations_are_in_seconds(tmp_path):
         ("F[0, 1 s - 2 s] x > 0", "the bound is -1 s; expected 0 s or more"),
         ("F[0, norm((1 s, 2 s)) ] x > 0", "found a duration; expected a number"),
         ("period 0 s\nx > 0", "the period is 0 s; expected more than 0"),
-        ("signal x\nperiod 1 s\nperiod 1 s\nspec: x > 0", "the period is told twice"),
+        ("signal x\nperiod 1 s\nperiod 1 s\nspec: x > 0", "the period is given twice"),
     ],
 )  # fmt: skip
 def test_mistakes(text, told):

@@ -1,8 +1,8 @@
 """`tltl evaluate RUN`: trials of a learned policy, in the evaluation scene, and their success rate.
 
-With --trace motion.csv the learned motion, without any noise, is written as a trace; with --samples 3 so are three
-sampled ones, as motion_1.csv and so on. `tltl check SPEC motion.csv --plot motion.png` explains them. --perturb adds
-trials off the model: a table of success against the size of the perturbation.
+With --trace motion.csv the learned motion, without any noise, is written as a trace. With --samples 3, three sampled
+motions are written, too, as motion_1.csv and so on. `tltl check SPEC motion.csv --plot motion.png` explains them.
+--perturb adds trials off the model: a table of success against the size of the perturbation.
 """
 
 from __future__ import annotations
@@ -36,18 +36,18 @@ SIZES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of a perturbation
 def add_arguments(parser: ArgumentParser) -> None:
     """Adds the arguments of `tltl evaluate`."""
     parser.add_argument("run", type=user_path, metavar="RUN", help="for instance runs/reach_avoid/tltl_episodic/seed_0")
-    parser.add_argument("--trials", type=int, default=10, help="how many (default 10, as in the case study)")
+    parser.add_argument("--trials", type=int, default=10, help="number of trials (default 10, as in the case study)")
     parser.add_argument(
         "--trace",
         type=user_path,
         metavar="FILE.csv",
         help="write the learned motion as a trace, a calm one beside it as FILE_calm.csv",
     )
-    parser.add_argument("--samples", type=int, default=0, help="write so many sampled motions, too (default 0)")
+    parser.add_argument("--samples", type=int, default=0, help="write this many sampled motions, too (default 0)")
     parser.add_argument(
         "--perturb",
         metavar="mass=0.8:1.2,friction=0.5:1.5,start=0.02",
-        help="more trials off the model: a table of success against the size of the perturbation; damping, too",
+        help="more trials off the model: a table of success against the size of the perturbation; takes damping, too",
     )
     parser.add_argument("--seed", type=int, default=0, help="seed of the actuators' noise (default 0)")
 
@@ -59,7 +59,7 @@ def run(arguments: Namespace) -> int:
       UserError: if there is no finished run, or the numbers make no sense.
     """
     if arguments.samples and arguments.trace is None:
-        raise UserError("--samples: say where to, as in --trace motion.csv")
+        raise UserError("--samples: say where to write them, as in --trace motion.csv")
     if not 0 <= arguments.samples <= MOST_TRIALS:
         raise UserError(f"--samples must lie between 0 and {MOST_TRIALS}")
     if not 1 <= arguments.trials <= MOST_TRIALS or arguments.seed < 0:

@@ -14,7 +14,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     """Adds the arguments of `tltl export`."""
     parser.add_argument("experiment", type=user_path, metavar="EXPERIMENT", help="for instance runs/reach_avoid")
     parser.add_argument("--to", choices=["tensorboard"], required=True, help="the format")
-    parser.add_argument("--output", type=user_path, help="a folder of its own (default tensorboard/NAME, here)")
+    parser.add_argument("--output", type=user_path, help="a new or empty folder (default tensorboard/NAME)")
     parser.add_argument("--follow", action="store_true", help="go on until every run has ended")
 
 

@@ -26,7 +26,7 @@ COMMANDS = {
     "check": "check a spec and, with a trace, print robustness, verdict and explanation",
     "watch": "follow a trajectory while it runs: samples on standard input, robustness and bounds at once",
     "new": "a page and a spec for a robot of your own, from its MJCF file",
-    "tasks": "the tasks; of one its signals, with what values they take",
+    "tasks": "the tasks; of one task, its signals and the values that they take",
     "evaluate": "trials of a learned policy and their success rate",
     "render": "pictures of the learned paths and of the motion over time, and a film",
     "plot": "the learning curves of one or more experiments, from their CSV files",
@@ -77,7 +77,7 @@ def _tltl(arguments: list[str]) -> int:
         module.add_arguments(parser)
         return int(module.run(parser.parse_intermixed_args(arguments[1:])))  # options stand anywhere
     parser = argparse.ArgumentParser("tltl", description="Check specs; evaluate, render and plot what was learned.")
-    parser.add_argument("--version", action="store_true", help="of tltlrl")
+    parser.add_argument("--version", action="store_true", help="print the version of tltlrl")
     commands = parser.add_subparsers(metavar="COMMAND")
     for name, about in COMMANDS.items():
         commands.add_parser(name, help=about)
@@ -90,7 +90,7 @@ def _tltl(arguments: list[str]) -> int:
 
 
 def _check_memory(name: str, needed: int) -> None:
-    """Before BLAS is loaded; where memory is limited it starts no threads, each of which takes 40 MB of it.
+    """Checks the limit of memory, before BLAS is loaded. Under a limit BLAS starts no threads, which take 40 MB each.
 
     Raises:
       UserError: if the limit is below what is needed, in kB.

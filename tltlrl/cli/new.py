@@ -1,4 +1,4 @@
-"""`tltl new MODEL.xml`: a page and a spec for a robot of one's own; with --task a spec for a task that is there.
+"""`tltl new MODEL.xml`: a page and a spec for a robot of your own; with --task a spec for a task that exists.
 
 tltl new arm.xml                            looks at a model; writes arm.yaml and arm.tltl into this folder
 tltl new --task reach_avoid mine.tltl       writes a spec to begin with

@@ -29,8 +29,8 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--compare",
         action="store_true",
-        help="experiments of one task: a line for each, by case, and whether the first is better than each other "
-        "(EXPERIMENT/comparison); of several tasks: the cases over all of them",
+        help="compare experiments; of one task: for each case a line per experiment, and whether the first is better "
+        "than each of the others (EXPERIMENT/comparison); of several tasks: each case over all of them",
     )
 
 

@@ -22,8 +22,8 @@ def add_arguments(parser: ArgumentParser) -> None:
         "runs", type=user_path, nargs="+", metavar="RUN",
         help="for instance runs/reach_avoid/tltl_episodic/seed_0; of several, one film side by side",
     )  # fmt: skip
-    parser.add_argument("--before", action="store_true", help="beside the motion that learning began with, as one film")
-    parser.add_argument("--output", type=user_path, help="a folder for them (default the first RUN)")
+    parser.add_argument("--before", action="store_true", help="one film, beside the motion that learning began with")
+    parser.add_argument("--output", type=user_path, help="folder of the pictures and films (default the first RUN)")
 
 
 def run(arguments: Namespace) -> int:

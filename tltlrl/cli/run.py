@@ -1,6 +1,6 @@
 """`tltl-run`: trains and compares, as a config and the overrides on the command line say.
 
-What takes time to import is imported by the functions that need it: a mistake is told without it.
+What takes time to import is imported by the functions that need it, so that mistakes are reported at once.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ def tltl_run(arguments: list[str], told: Callable[[Callable[[], int]], int]) -> 
 
     Args:
       arguments: of the command line.
-      told: runs one experiment of several and tells what is wrong with it, for -m.
+      told: runs one experiment of several and reports what is wrong with it, for -m.
 
     Raises:
       UserError, SpecError: what the user has to mend.
@@ -63,7 +63,7 @@ def _start(settings: Mapping[str, Any], command: list[str]) -> int:
     study, machinery = read(settings)
 
     from tltlrl.experiments.experiment import (
-        run_experiment,  # pandas and matplotlib take a second that a mistake need not wait
+        run_experiment,  # pandas and matplotlib take a second; no mistake should wait for them
     )
 
     return 0 if run_experiment(study, machinery, command) else 1

@@ -1,4 +1,4 @@
-"""`tltl tasks [NAME|FILE]`: the tasks; of one, or of a robot's page, its signals, with what values they take."""
+"""`tltl tasks [NAME|FILE]`: the tasks; of one task or robot's page, its signals and the values that they take."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     """Adds the arguments of `tltl tasks`."""
     parser.add_argument("task", metavar="NAME|FILE", nargs="?", help="a task by its name, or the page of a robot")
     parser.add_argument("id", metavar="ID", nargs="?", help="the environment, where the task is gymnasium or suite")
-    parser.add_argument("--picture", type=Path, metavar="FILE.png", help="the scene at the start, with its axes")
+    parser.add_argument("--picture", type=Path, metavar="FILE.png", help="draw the scene at the start, with its axes")
 
 
 def run(arguments: Namespace) -> int:

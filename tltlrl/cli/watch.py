@@ -20,7 +20,7 @@ the trajectory ended there; the lower and the upper bound that hold however it g
 robustness. A line that is no sample is left out, with a message on standard error. Ctrl-C ends the trajectory.
 
 exit codes:
-  0  the trajectory satisfies the spec (robustness > 0), or whoever read the output went away
+  0  the trajectory satisfies the spec (robustness > 0), or the reader of the output closed it
   1  it does not (robustness <= 0)
   2  something in the spec, the header or the command has to be corrected, or there was no sample
 """

@@ -126,7 +126,7 @@ def _period(source: Source, document: syntax.Document, given: float | None) -> f
         if not 0 < d.seconds < math.inf:
             raise SpecError(source, d.span, f"the period is {d.seconds:g} s; expected more than 0; correct it")
     if len(own) > 1:
-        raise SpecError(source, own[1].span, "the period is told twice; expected once; delete one")
+        raise SpecError(source, own[1].span, "the period is given twice; expected once; delete one")
     if given is None:
         return own[0].seconds if own else None
     if not _is_number(given) or given <= 0:

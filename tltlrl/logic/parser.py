@@ -50,7 +50,7 @@ class _DeclaredWords:
         try:
             tokens.extend(stream)
         except UnexpectedCharacters as mistake:
-            stop = mistake  # told after what stands before it
+            stop = mistake  # reported after what stands before it
         declared = {str(b) for a, b in pairwise(tokens) if a.type in {"SIGNAL", "CONST", "LET", "DEF"}}
         before, is_label = "", False
         for token, after in zip(tokens, [*(token.type for token in tokens[1:]), ""], strict=False):
@@ -103,8 +103,8 @@ class _TreeBuilder(Transformer[Token, object]):
         if rest[typed:] and (rest[-1] != "bool" or bracket):
             raise _Misread(
                 span_of(rest[typed] if rest[-1] != "bool" else bracket[0]).to(span_of(rest[-1])),
-                f"found '{rest[-1]}'; what is true or false is one 'signal {name}: bool', any other is numbers; "
-                "delete what begins with the colon",
+                f"found '{rest[-1]}'; only a single signal that is true or false has a type, 'signal {name}: bool'; "
+                "all others are numbers; delete what begins with the colon",
             )
         if bracket:
             # tltlrl.logic.declarations refuses 0, which stands for `signal x[2.5]`, and all numbers of five digits.

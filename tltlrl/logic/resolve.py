@@ -272,7 +272,7 @@ class _Resolver:
         return ordered, used
 
     def _define(self, d: syntax.Definition) -> None:
-        if d.parameters:  # read where it is called; but a name that nothing has is told at once
+        if d.parameters:  # read where it is called; but an unknown name is reported at once
             for node, _ in syntax.walk(d.body):
                 if isinstance(node, syntax.Name) and node.name not in {*d.parameters, *self.declared.names, *NUMBERS}:
                     self._name(node, {})

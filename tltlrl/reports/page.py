@@ -352,7 +352,7 @@ def _configuration(provenance: Provenance) -> str:
         differs, same = ([row for changed, row in rows if changed is wanted] for wanted in (True, False))
         tables = (
             f"<h3>What differs from the defaults</h3>{_table(head, differs, 'what differs from the defaults')}"
-            f"<details><summary>The {len(same)} settings that do not</summary>"
+            f"<details><summary>The {len(same)} settings that do not differ</summary>"
             f"{_table(head[:2], [row[:2] for row in same], 'other settings')}</details>"
         )
     return f"<p>The command that repeats it:</p><pre>{escape(commands)}</pre>{tables}<ul>{facts}</ul>"

@@ -85,7 +85,7 @@ def beside(films: Sequence[Film]) -> Film:
       UserError: if their timesteps differ.
     """
     if len({each.timestep for each in films}) > 1:
-        raise UserError("the motions have other times between two samples; render runs of one task side by side")
+        raise UserError("these runs have different times between two samples; render runs of one task side by side")
     length, height = max(len(each.frames) for each in films), max(each.frames[0].shape[0] for each in films)
     rows = [
         [np.pad(frame, ((0, height - len(frame)), (0, 0), (0, 0)), constant_values=255) for frame in each.frames]

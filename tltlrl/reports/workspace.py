@@ -30,7 +30,7 @@ from tltlrl.training.study import Run
 Array = NDArray[np.float64]
 
 POSES = 6  # of the arm, evenly spread over the motion
-TOLD = 3  # entries of one region that are told
+TOLD = 3  # entries of one region that are named
 WIDTH, HEIGHT = 6.4, 5.3  # inches
 # Later is darker, in grey, too; the palest colours of the map would be lost on white.
 TIME = LinearSegmentedColormap.from_list("time", mpl.colormaps["viridis_r"](np.linspace(0.22, 1.0, 256)))

@@ -87,7 +87,7 @@ class Compiled:
         return (infinite, *self.atoms.values(), *[infinite] * len(self.clocks))
 
     def memory(self, count: int) -> Memory:
-        """For the past of `count` trajectories."""
+        """A memory for the past of `count` trajectories."""
         graph = self.terms.source
         of_others = (node for node in graph.below(self.others) if graph.local[node])
         return Memory(graph, {*(node for node, _ in self.values), *of_others}, count, self._layout_of)
@@ -179,7 +179,7 @@ class Quick:
         self._summary = self._summary_after(-1)
 
     def update(self, literals: Array, step: int) -> tuple[Array, Array, Array]:
-        """One more sample, of whose literals the values are (1 + literals, N): robustness, lower, upper."""
+        """Reads one more sample, the values of its literals, (1 + literals, N): robustness, lower, upper."""
         self.alpha = self.together.step(self.alpha, literals)
         if step in self._turns or step == 0:
             self._summary = self._summary_after(step)
@@ -218,7 +218,7 @@ class Late:
         self._past: list[Array] = []  # one (1 + literals, N) per sample that the automaton has not seen
 
     def update(self, literals: Array, step: int) -> tuple[Array, Array, Array]:
-        """One more sample, of whose literals the values are (1 + literals, N): robustness, lower, upper."""
+        """Reads one more sample, the values of its literals, (1 + literals, N): robustness, lower, upper."""
         self._past.append(literals)
         if self._clause.automaton is not None and len(self._past) > self._clause.delay:
             oldest = self._slice(None)
@@ -260,7 +260,7 @@ class Whole:
         self._past: list[Signals] = []
 
     def update(self, block: Signals) -> tuple[Array, Array, Array]:
-        """One more sample, its signals (N, 1): robustness, lower, upper."""
+        """Reads one more sample, its signals, (N, 1): robustness, lower, upper."""
         self._past.append({key: np.array(values) for key, values in block.items()})
         signals = {key: np.concatenate([one[key] for one in self._past], axis=1) for key in block}
         steps = len(self._past)

@@ -1,4 +1,4 @@
-"""What a sample itself says: nodes of a spec's graph that do not look back, alike ones computed as one array."""
+"""The values that one sample gives: nodes of a spec's graph that do not look back, alike ones computed as one array."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ class Layout:
 
     @staticmethod
     def of(graph: Graph, wanted: Sequence[int]) -> "Layout":
-        """For some nodes of a graph."""
+        """The layout for some nodes of a graph."""
         level: dict[int, int] = {}
         groups: dict[tuple[object, ...], list[int]] = {}
         for node in graph.below(wanted):
@@ -63,7 +63,7 @@ def _key(op: Op) -> tuple[str, int | None]:
 
 
 def _rows(rows: list[int]) -> Rows:
-    """As a slice, if they are one."""
+    """The rows as a slice, if they are evenly spaced, else as an array."""
     if len(set(rows)) == 1:
         return slice(rows[0], rows[0] + 1)  # the same for all
     step = rows[1] - rows[0]

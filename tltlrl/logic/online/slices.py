@@ -91,7 +91,7 @@ class Slice:
         return at_end if self.ahead is None else self._with_more(op, at_end, self.ahead)
 
     def _with_more(self, op: Op, at_end: float, ahead: Ahead) -> float:
-        """Its value without samples, or with them that of its last argument, whichever is better or worse."""
+        """The better (or worse) of the two: its value if no sample follows, that of its last argument if some do."""
         return (max if ahead.best else min)(at_end, self._supposed(op.args[-1], ahead))
 
     def _supposed(self, term: int, ahead: Ahead) -> float:
@@ -140,7 +140,7 @@ def _extreme(fold: scans.Fold, x: Array, behind: float, window: object) -> Array
     steps = x.shape[1]
     if not isinstance(window, tuple):
         return scans.suffixes(fold, scans.padded(x, steps + 1, behind))[:, :steps]
-    low, high = min(window[0], steps), min(window[1], steps)  # what is further on is all worth the same
+    low, high = min(window[0], steps), min(window[1], steps)  # everything further on has the same value
     return scans.windows(fold, scans.padded(x, steps + high, behind)[:, low:], high - low + 1)[:, :steps]
 
 

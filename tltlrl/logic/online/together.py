@@ -116,7 +116,7 @@ class Together:
 
     @cached_property
     def nearing(self) -> Groups:
-        """Of each automaton and each distance d >= 1 from its end that its states have, the states at most that far."""
+        """For each automaton and each distance d >= 1 of its states from its end: the states at most that far."""
         groups = []
         for offset, one in zip(self.offsets, self.automata, strict=True):
             far = one.distances()

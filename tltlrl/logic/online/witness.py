@@ -1,8 +1,8 @@
-"""What decides the robustness of a trajectory that still runs: as `tltlrl.logic.explain`, and without its past.
+"""What decides the robustness of a trajectory that still runs, as in `tltlrl.logic.explain`, but without its past.
 
-min and max select, so the value of each state is that of one literal at one step; where it comes from goes with it from
-state to state. Of clauses that are read as slices, the literal is known by its value alone: where several samples have
-the same value, the first of them is told.
+min and max select, so the value of each state is that of one literal at one step. This origin is passed on with the
+value from state to state. In clauses that are read as slices, the literal is found by its value alone: where several
+samples have the same value, the first of them is named.
 """
 
 from collections.abc import Mapping
