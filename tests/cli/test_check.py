@@ -52,7 +52,7 @@ def test_without_a_trace(capsys):
         "             obstacle_radius = {1: 0.5, 2: 0.4}\n"
         "horizon      the whole trajectory\n"
         "warning      18:7: 'F G at_goal' is 'at_goal' at the last sample: nothing is asked of the others; to ask for "
-        "n samples write F G[0,n!] p, for once in each n samples G F[0,n?] p\n"
+        "n+1 samples write F G[0,n!] p, for once in any n+1 samples G F[0,n?] p\n"
     )
 
 

@@ -125,8 +125,8 @@ def _told(node: Node, place: _Place) -> Iterator[str]:
     match node:
         case syntax.Always(syntax.Eventually(p, None), None) | syntax.Eventually(syntax.Always(p, None), None):
             yield (
-                f"{_short(node)} is {_short(p)} at the last sample: nothing is asked of the others; to ask for n "
-                "samples write F G[0,n!] p, for once in each n samples G F[0,n?] p"
+                f"{_short(node)} is {_short(p)} at the last sample: nothing is asked of the others; to ask for n+1 "
+                "samples write F G[0,n!] p, for once in any n+1 samples G F[0,n?] p"
             )
         case syntax.Eventually(_, syntax.Interval(a, b, "")) if strong_here and not isinstance(b, syntax.Infinity):
             yield _cut(node, "not met", f"F[{a}, {b}?]", "met")
