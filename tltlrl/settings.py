@@ -17,22 +17,45 @@ import math
 import numbers
 from collections.abc import Sequence
 from dataclasses import MISSING, dataclass
+from enum import Flag, auto
 from typing import Any
 
 from tltlrl.errors import UserError, nearest
 
 
+class Role(Flag):
+    """The roles of a key. Without any of them, another value simply makes another experiment.
+
+    NAMES: it names the folder of the results. GROWS: a larger value extends a folder. BUDGET: it decides how much is
+    computed; the command for a search's best candidate leaves it out. SEARCHED: `tltl search` may vary it. MACHINERY:
+    it changes no result; a result's config.yaml leaves it out. CHOSEN: its value is chosen by the name of a file in
+    configs/. COMMON: no part of a run may have a value of its own, neither a second stage nor the evaluation. LATER:
+    results of 0.1 lack it, and have its default. PLACE: a path, of which only the file's name and content count.
+    """
+
+    NONE = 0
+    NAMES = auto()
+    GROWS = auto()
+    BUDGET = auto()
+    SEARCHED = auto()
+    MACHINERY = auto()
+    CHOSEN = auto()
+    COMMON = auto()
+    LATER = auto()
+    PLACE = auto()
+
+
 @dataclass(frozen=True)
 class Setting:
-    """The meaning and the bounds of a field.
+    """The meaning, the role and the bounds of a key.
 
     Attributes:
       meaning: a phrase for the help page, with the unit.
       least, most: bounds that a number may reach. In a list or a mapping they hold for each number.
       above, below: bounds that a number may not reach.
       choices: the allowed words; empty if any is allowed.
-      budget: whether the field decides how much a run computes (a search varies no such field).
-      place: whether the field is a path to something with a digest of its own: moving that changes no run.
+      role: its roles.
+      kind, example: on a robot's page, the kind of its value, in words, and an example, as YAML.
     """
 
     meaning: str
@@ -41,13 +64,14 @@ class Setting:
     above: float | None = None
     below: float | None = None
     choices: tuple[str, ...] = ()
-    budget: bool = False
-    place: bool = False
+    role: Role = Role.NONE
+    kind: str = ""
+    example: str = ""
 
 
-def setting(meaning: str, default: Any = MISSING, **bounds: Any) -> Any:
-    """A dataclass field with its meaning and its bounds; see `Setting`. A default list or mapping is copied."""
-    metadata = {"setting": Setting(meaning, **bounds)}
+def setting(meaning: str, default: Any = MISSING, **more: Any) -> Any:
+    """A dataclass field with its meaning, role and bounds; see `Setting`. A default list or mapping is copied."""
+    metadata = {"setting": Setting(meaning, **more)}
     if isinstance(default, list | dict):
         return dataclasses.field(default_factory=default.copy, metadata=metadata)
     return dataclasses.field(default=default, metadata=metadata)
@@ -58,12 +82,15 @@ def settings_of(kind: type) -> dict[str, Setting]:
     return {f.name: f.metadata["setting"] for f in dataclasses.fields(kind) if "setting" in f.metadata}
 
 
+def fields_with(role: Role, kind: type) -> list[str]:
+    """The fields of a dataclass with any of these roles."""
+    return [name for name, its in settings_of(kind).items() if its.role & role]
+
+
 def without_places(settings: Any) -> dict[str, Any]:
-    """A dataclass of settings as plain data, without the fields that are a `place`."""
-    known = settings_of(type(settings))
-    return {
-        key: value for key, value in dataclasses.asdict(settings).items() if key not in known or not known[key].place
-    }
+    """A dataclass of settings as plain data, without the fields with the role `Role.PLACE`."""
+    places = fields_with(Role.PLACE, type(settings))
+    return {key: value for key, value in dataclasses.asdict(settings).items() if key not in places}
 
 
 def check(settings: Any, section: str) -> None:

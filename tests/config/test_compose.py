@@ -21,7 +21,7 @@ def test_keys_of_every_mapping_of_a_task_can_be_set_one_by_one(task):
     """Those of `evaluation`, too, which a page need not have."""
     mappings = [field.name for field in dataclasses.fields(TASKS.get(task).config) if "dict" in str(field.type)]
     assert mappings
-    assert all(f"task.{name}.".startswith(OPEN) for name in mappings)
+    assert all(OPEN.match(f"task.{name}.") for name in mappings)
 
 
 def composed(*overrides):

@@ -5,14 +5,15 @@ import dataclasses
 import pytest
 import yaml
 
+from tltlrl.config.compare import differences
 from tltlrl.config.compose import GROUPS, compose, names
-from tltlrl.config.keys import KEYS, Role, having, is_budget, machinery_defaults, result_keys, sections
+from tltlrl.config.keys import KEYS, having, is_budget, machinery_defaults, result_keys, sections
 from tltlrl.config.machinery import Machinery
 from tltlrl.errors import UserError
 from tltlrl.learning.reps import RepsSettings
 from tltlrl.registry import FOREIGN, LEARNERS, TASKS
 from tltlrl.resources import CONFIGS
-from tltlrl.settings import setting
+from tltlrl.settings import Role, fields_with, setting
 from tltlrl.training.study import AlgorithmConfig
 
 
@@ -44,7 +45,24 @@ def test_what_a_key_is_for():
     assert having(Role.MACHINERY) == ["workers", "engine", "runs_dir", "overwrite"]
     assert having(Role.SEARCHED) == ["task", "reward", "algorithm"]
     assert set(result_keys()) == set(KEYS) - set(machinery_defaults())
-    assert set(GROUPS) - {"experiment"} <= set(KEYS)
+    assert GROUPS == ("experiment", "task", "reward", "algorithm", "engine")
+    assert {path.name for path in CONFIGS.iterdir() if path.is_dir()} == set(GROUPS)
+    assert fields_with(Role.GROWS, AlgorithmConfig) == ["iterations"]
+    assert fields_with(Role.COMMON, AlgorithmConfig) == [
+        "iterations", "samples", "told", "normalise", "keep", "calm", "calm_share", "refine", "policy",
+    ]  # fmt: skip
+
+
+def test_a_path_counts_by_its_name_alone():
+    """As `differences` has it, for every key with that role."""
+    places = [*having(Role.PLACE)]
+    for name in (*TASKS.built_in, *TASKS.described):
+        places += [f"task.{field}" for field in fields_with(Role.PLACE, TASKS.get(name).config)]
+    assert places == ["spec", "task.file"]
+    for place in places:
+        before, now = ({place: path} for path in ("here/a.txt", "there/a.txt"))
+        assert not differences(before, now)
+        assert differences(before, {place: "here/b.txt"})
 
 
 @pytest.mark.parametrize(
@@ -62,7 +80,7 @@ def test_what_the_best_candidates_command_leaves_out(key, budget):
 def test_a_learners_own_budget_is_left_out_as_well():
     @dataclasses.dataclass(frozen=True)
     class Own:
-        restarts: int = setting("how often it begins again", 1, budget=True)
+        restarts: int = setting("how often it begins again", 1, role=Role.BUDGET)
         width: float = setting("of its steps", 1.0)
 
     assert is_budget("algorithm.restarts", [Own])

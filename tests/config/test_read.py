@@ -12,10 +12,10 @@ import yaml
 from tltlrl.cli import main as cli
 from tltlrl.config.compare import differences
 from tltlrl.config.compose import compose
-from tltlrl.config.keys import Role, having
+from tltlrl.config.keys import having
 from tltlrl.config.read import _algorithm, read
 from tltlrl.errors import UserError
-from tltlrl.settings import setting
+from tltlrl.settings import Role, setting
 from tltlrl.training.study import Case
 
 GROWING = tuple(having(Role.GROWS))

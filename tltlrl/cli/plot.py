@@ -86,16 +86,19 @@ def names_of(folders: Sequence[Path]) -> list[str]:
     import yaml
 
     from tltlrl.config.compare import flatten
+    from tltlrl.config.keys import having
+    from tltlrl.settings import Role
     from tltlrl.store.bounded import read_yaml
 
     try:
         configs = [flatten(read_yaml(folder / CONFIG)) for folder in folders]
     except (OSError, ValueError, AttributeError, yaml.YAMLError):
         return [str(folder) for folder in folders]
+    untold = having(Role.NAMES | Role.GROWS | Role.BUDGET)
     keys = [
         key
         for key in dict.fromkeys(key for config in configs for key in config)
-        if key not in ("name", "seeds", "cases", "trials") and len({str(config.get(key)) for config in configs}) > 1
+        if key not in untold and len({str(config.get(key)) for config in configs}) > 1
     ]
     names = [", ".join(f"{key}={config.get(key)}" for key in keys[:NAMES]) for config in configs]
     if len(set(names)) == len(names) and len(keys) <= NAMES:

@@ -13,20 +13,17 @@ from pathlib import Path
 from typing import Any
 
 from tltlrl.config.compare import flatten
+from tltlrl.config.keys import having, having_kind
 from tltlrl.errors import UserError, module_of, nearest
 from tltlrl.registry import FOREIGN, TASKS
 from tltlrl.resources import CONFIGS, OFFERED, is_page, user_path
+from tltlrl.settings import Role
 from tltlrl.store.bounded import BoundsError, check_yaml
 
-GROUPS = ("experiment", "task", "reward", "algorithm", "engine")  # chosen by the name of a file in configs/
-TEXTS = ("name", "spec", "runs_dir", "policy", "algorithm.policy")  # their values are plain text, taken as written
-LISTS = ("cases", "seeds")
-OPEN = (  # sections whose keys may be missing from the config
-    "constants.",
-    "algorithm.",
-    "reward.step.",
-    *(f"task.{key}." for key in ("actuators", "evaluation", "feedback", "signals", "start")),
-)
+GROUPS = ("experiment", *having(Role.CHOSEN))  # chosen by the name of a file in configs/
+TEXTS = (*having_kind(str), "policy", "algorithm.policy")  # their values are plain text, taken as written
+LISTS = having_kind(list)
+OPEN = re.compile(r"(constants|algorithm|(task|reward)\.\w+)\.")  # sections whose keys may be missing from the config
 WORDS = ("null", "true", "false", "nan", "inf")  # words that Hydra does not read as text
 
 
@@ -247,7 +244,7 @@ def names(group: str) -> list[str]:
 
 def _addable(override: str) -> str:
     """Puts ++ before a key that the config may lack (a spec's constant, a learner's own, a name), as Hydra wants."""
-    return f"++{override}" if override.startswith(OPEN) else override
+    return f"++{override}" if OPEN.match(override) else override
 
 
 def one_seed(value: str | None) -> str:

@@ -8,31 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from enum import Flag, auto
 from typing import Any
 
 from tltlrl.config.machinery import Engine, Machinery
 from tltlrl.learning.reps import RepsSettings
 from tltlrl.registry import LEARNERS, TASKS
-from tltlrl.settings import Setting, settings_of
+from tltlrl.settings import Role, Setting, settings_of
 from tltlrl.training.study import MOST_SEEDS, AlgorithmConfig, Study
-
-
-class Role(Flag):
-    """The role of a key.
-
-    RESULT: another value makes another experiment. NAMES: the same, and it names the folder of the results. GROWS: a
-    larger value extends a folder. BUDGET: it decides how much is computed; the command for a search's best candidate
-    leaves it out. SEARCHED: `tltl search` may vary it. MACHINERY: it changes no result; a result's config.yaml leaves
-    it out.
-    """
-
-    RESULT = auto()
-    NAMES = auto()
-    GROWS = auto()
-    BUDGET = auto()
-    SEARCHED = auto()
-    MACHINERY = auto()
 
 
 @dataclass(frozen=True)
@@ -41,53 +23,62 @@ class Key:
 
     Attributes:
       kinds: the types that its value may have.
-      setting: its meaning and its bounds.
-      role: its role.
+      setting: its meaning, its roles and its bounds.
       default: the default of a machinery key, for a config without it.
     """
 
     kinds: tuple[type, ...]
     setting: Setting
-    role: Role = Role.RESULT
     default: Any = None
 
 
-_STUDY, _MACHINERY = settings_of(Study), settings_of(Machinery)
+_MACHINERY = settings_of(Machinery)
+_SEARCHED = Role.SEARCHED | Role.CHOSEN
 KEYS: dict[str, Key] = {
-    "name": Key((str,), Setting("the results go to <runs_dir>/<name>"), Role.NAMES),
-    "task": Key((dict,), Setting("what is simulated: its robot, its length, its noise"), Role.RESULT | Role.SEARCHED),
-    "spec": Key((str,), Setting("a .tltl file: a path of your own, or one that comes with tltlrl")),
+    "name": Key((str,), Setting("the results go to <runs_dir>/<name>", role=Role.NAMES)),
+    "task": Key((dict,), Setting("what is simulated: its robot, its length, its noise", role=_SEARCHED)),
+    "spec": Key((str,), Setting("a .tltl file: a path of your own, or one that comes with tltlrl", role=Role.PLACE)),
     "constants": Key((dict,), Setting("values for constants of the spec, in place of the file's")),
-    "reward": Key((dict,), Setting("coefficients of the task's hand-made rewards"), Role.RESULT | Role.SEARCHED),
-    "algorithm": Key((dict,), Setting("policy search, the same for every case"), Role.RESULT | Role.SEARCHED),
-    "cases": Key((list,), Setting("what is compared: <reward>_<learner>"), Role.GROWS),
-    "seeds": Key((int, list), Setting("a list, or a number n for 0 .. n-1", most=MOST_SEEDS), Role.GROWS | Role.BUDGET),
-    "trials": Key((int,), _STUDY["trials"], Role.RESULT | Role.BUDGET),
-    "workers": Key((int, type(None)), _MACHINERY["workers"], Role.MACHINERY | Role.BUDGET, Machinery.workers),
+    "reward": Key((dict,), Setting("coefficients of the task's hand-made rewards", role=_SEARCHED)),
+    "algorithm": Key((dict,), Setting("policy search, the same for every case", role=_SEARCHED)),
+    "cases": Key((list,), Setting("what is compared: <reward>_<learner>", role=Role.GROWS)),
+    "seeds": Key(
+        (int, list),
+        Setting("a list, or a number n for 0 .. n-1", most=MOST_SEEDS, role=Role.GROWS | Role.BUDGET),
+    ),
+    "trials": Key((int,), settings_of(Study)["trials"]),
+    "workers": Key((int, type(None)), _MACHINERY["workers"], Machinery.workers),
     "engine": Key(
         (dict,),
-        Setting("where the workers are: on this machine, or of a Dask scheduler"),
-        Role.MACHINERY | Role.BUDGET,
+        Setting(
+            "where the workers are: on this machine, or of a Dask scheduler",
+            role=Role.MACHINERY | Role.BUDGET | Role.CHOSEN,
+        ),
         {"address": Engine.address},
     ),
-    "runs_dir": Key((str,), _MACHINERY["runs_dir"], Role.MACHINERY | Role.NAMES, Machinery.runs_dir),
-    "overwrite": Key((bool,), _MACHINERY["overwrite"], Role.MACHINERY | Role.BUDGET, Machinery.overwrite),
+    "runs_dir": Key((str,), _MACHINERY["runs_dir"], Machinery.runs_dir),
+    "overwrite": Key((bool,), _MACHINERY["overwrite"], Machinery.overwrite),
 }
 
 
 def having(role: Role) -> list[str]:
-    """The keys with any of these roles."""
-    return [name for name, key in KEYS.items() if key.role & role]
+    """The top-level keys with any of these roles."""
+    return [name for name, key in KEYS.items() if key.setting.role & role]
+
+
+def having_kind(kind: type) -> list[str]:
+    """The top-level keys whose values may be of this type."""
+    return [name for name, key in KEYS.items() if kind in key.kinds]
 
 
 def result_keys() -> list[str]:
     """The keys in a result's config.yaml: all but machinery."""
-    return [name for name, key in KEYS.items() if not key.role & Role.MACHINERY]
+    return [name for name, key in KEYS.items() if Role.MACHINERY not in key.setting.role]
 
 
 def machinery_defaults() -> dict[str, Any]:
     """The defaults of machinery, which a result's config.yaml lacks."""
-    return {name: key.default for name, key in KEYS.items() if key.role & Role.MACHINERY}
+    return {name: key.default for name, key in KEYS.items() if Role.MACHINERY in key.setting.role}
 
 
 def sections(task: str, learners: Iterable[str]) -> dict[str, Mapping[str, Setting]]:
@@ -129,5 +120,5 @@ def is_budget(key: str, learners: Iterable[type]) -> bool:
     """
     section, _, name = key.partition(".")
     if section == "algorithm":
-        return (own := algorithm_settings(learners).get(name)) is not None and own.budget
-    return section in KEYS and Role.BUDGET in KEYS[section].role
+        return (own := algorithm_settings(learners).get(name)) is not None and Role.BUDGET in own.role
+    return section in KEYS and Role.BUDGET in KEYS[section].setting.role

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tltlrl.errors import UserError
 from tltlrl.resources import user_path
-from tltlrl.settings import check_value, setting, settings_of
+from tltlrl.settings import Role, check_value, setting, settings_of
 
 
 @dataclass(frozen=True)
@@ -28,10 +28,12 @@ class Machinery:
       overwrite: whether to delete an older folder of the same name first.
     """
 
-    workers: int | None = setting("processes; null for one per processor, at most one per run", None, least=1)
+    workers: int | None = setting(
+        "processes; null for one per processor, at most one per run", None, least=1, role=Role.MACHINERY | Role.BUDGET
+    )
     address: str | None = None
-    runs_dir: str = setting("the folder above the experiments' folders", "runs")
-    overwrite: bool = setting("delete an existing folder of that name first", False)
+    runs_dir: str = setting("the folder above the experiments' folders", "runs", role=Role.MACHINERY | Role.NAMES)
+    overwrite: bool = setting("delete an existing folder of that name first", False, role=Role.MACHINERY | Role.BUDGET)
 
     def __post_init__(self) -> None:
         check_value("workers", self.workers, settings_of(Machinery)["workers"])

@@ -16,6 +16,7 @@ from tltlrl.learning.reps import RepsSettings
 from tltlrl.logic import load_spec
 from tltlrl.registry import LEARNERS, TASKS
 from tltlrl.resources import spec_path, user_path
+from tltlrl.settings import Role, fields_with
 from tltlrl.training.study import MOST_SEEDS, TLTL, AlgorithmConfig, Case, Stage, Study
 
 Settings = TypeVar("Settings")
@@ -131,8 +132,7 @@ def _refinement(values: Mapping[str, Any], learners: Iterable[str]) -> dict[str,
     where, after = "algorithm.refine", changed.pop("after", None)
     if type(after) is not int or after < 1:
         raise UserError(f"{where}.after: expected the iterations of the first stage, a whole number, not {after!r}")
-    common = ("iterations", "samples", "told", "normalise", "keep", "calm", "calm_share", "refine", "policy")
-    same = [name for name in common if name in changed]
+    same = [name for name in fields_with(Role.COMMON, AlgorithmConfig) if name in changed]
     if same:
         raise UserError(
             f"{where}.{same[0]}: it is the same in both stages; set algorithm.{same[0]}, and leave it out here"

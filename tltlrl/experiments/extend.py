@@ -10,17 +10,16 @@ from typing import Any
 import yaml
 
 from tltlrl.config.compare import differences
-from tltlrl.config.keys import Role, having, result_keys
+from tltlrl.config.keys import having, result_keys
 from tltlrl.config.read import seeds_of
 from tltlrl.errors import UserError
 from tltlrl.experiments.folder import empty, is_record, read_record
 from tltlrl.experiments.manifest import intact, read_manifest, spec_name
 from tltlrl.experiments.results import run_folder
+from tltlrl.settings import Role, fields_with
 from tltlrl.store.files import clear_leftovers, digest, write_bytes, write_text
 from tltlrl.store.layout import CONFIG, MANIFEST, SPECS, START
-from tltlrl.training.study import Study, with_later
-
-ITERATIONS = "algorithm.iterations"  # more iterations go on where fewer have ended
+from tltlrl.training.study import AlgorithmConfig, Study, with_later
 
 
 def check_ours(folder: Path, study: Study) -> None:
@@ -120,7 +119,7 @@ def changes(before: Mapping[str, Any], study: Study) -> str:
         for field in dataclasses.fields(own)
         if name not in had
     }
-    growing = [*having(Role.GROWS), ITERATIONS]
+    growing = [*having(Role.GROWS), *(f"algorithm.{name}" for name in fields_with(Role.GROWS, AlgorithmConfig))]
     had_then = {**before, "seeds": study.settings["seeds"]}
     if isinstance(before.get("algorithm"), dict):  # of any version, and perhaps damaged
         had_then["algorithm"] = {

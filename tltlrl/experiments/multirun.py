@@ -6,7 +6,6 @@ used: it would notice a mistake in a combination only when it starts that one.
 
 from __future__ import annotations
 
-import hashlib
 import itertools
 import sys
 from collections.abc import Callable, Sequence
@@ -14,9 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from tltlrl.config.compose import complaints_told, completed, compose, initialized, parse, quoted
-from tltlrl.config.keys import Role, having
+from tltlrl.config.keys import having
 from tltlrl.config.read import read
 from tltlrl.errors import UserError, module_of
+from tltlrl.settings import Role
+from tltlrl.store.files import digest
 
 CODE_OF_HYDRA = ("hydra._internal.core_plugins.", "hydra_plugins.", "logging.", "colorlog.")
 LONGEST_NAME = 200  # bytes; file systems allow 255
@@ -99,7 +100,7 @@ def folder_name(name: str, swept: Sequence[str]) -> str:
     whole = ",".join([name, *told]).replace("/", "-").encode()
     if len(whole) <= LONGEST_NAME:
         return whole.decode()
-    return f"{whole[: LONGEST_NAME - 9].decode(errors='ignore')}-{hashlib.sha256(whole).hexdigest()[:8]}"
+    return f"{whole[: LONGEST_NAME - 9].decode(errors='ignore')}-{digest(whole)[:8]}"
 
 
 def _checked(combined: Sequence[Sequence[str]], swept: Sequence[Sequence[str]]) -> list[str]:

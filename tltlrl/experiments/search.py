@@ -27,7 +27,7 @@ import yaml
 
 from tltlrl.config.compare import differences
 from tltlrl.config.compose import parse
-from tltlrl.config.keys import KEYS, Role, is_budget
+from tltlrl.config.keys import KEYS, is_budget
 from tltlrl.config.machinery import Machinery
 from tltlrl.config.read import read
 from tltlrl.errors import UserError
@@ -36,6 +36,7 @@ from tltlrl.experiments.folder import empty, read_record, working_in
 from tltlrl.experiments.journal import open_journal, proven
 from tltlrl.experiments.results import finished
 from tltlrl.experiments.scheduler import check_scheduler
+from tltlrl.settings import Role
 from tltlrl.store.files import digest, write_text
 from tltlrl.store.layout import JOURNAL, LOG, SEARCH, SUMMARY_PAGE, TRIALS
 from tltlrl.training.study import Study
@@ -135,7 +136,7 @@ def parse_space(overrides: Sequence[str]) -> tuple[list[str], dict[str, str], di
             continue
         key = override.get_key_element().lstrip("+")
         section = key.split(".")[0]
-        if section == "experiment" or (section in KEYS and Role.SEARCHED not in KEYS[section].role):
+        if section == "experiment" or (section in KEYS and Role.SEARCHED not in KEYS[section].setting.role):
             raise UserError(
                 f"{key}: it cannot be searched; candidates have the same runs, and one spec to be compared by"
             )

@@ -263,9 +263,10 @@ class Simulator:
             features[lengths[i] :, i] = features[lengths[i] - 1, i]
         times = self._start[0] + task.control_timestep * np.arange(steps)
         if (where := _diverged(path, times, features, commands, commands + noise, lengths)) is not None:
-            t, i = where
+            step, trajectory = where
             raise DivergedError(
-                f"the simulation of {task.name} diverged: trajectory {i}, step {t}, {t * task.control_timestep:.3g} s",
+                f"the simulation of {task.name} diverged: trajectory {trajectory}, step {step}, "
+                f"{step * task.control_timestep:.3g} s",
                 "a smaller timestep of the model, more damping or armature in its joints",
             )
         return Trajectories(

@@ -9,36 +9,21 @@ import dataclasses
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tltlrl.errors import UserError
+from tltlrl.learning.reps import RepsSettings
 from tltlrl.learning.scores import TOLD
-from tltlrl.logic import Spec
 from tltlrl.resources import user_path
-from tltlrl.settings import check, check_value, setting, settings_of, without_places
+from tltlrl.settings import Role, check, check_value, fields_with, setting, settings_of, without_places
 from tltlrl.store.files import digest
 from tltlrl.store.layout import POLICY
 
+if TYPE_CHECKING:
+    from tltlrl.logic import Spec
+
 TLTL = "tltl"  # the reward that is the spec's own robustness
 MOST_SEEDS = MOST_TRIALS = MOST_SAMPLES = 10_000  # more would not fit into memory, and fail only after hours
-LATER = {  # keys that came after version 0.1, with their defaults
-    "exploration": {},
-    "basis": 0,
-    "told": "robustness",
-    "normalise": False,
-    "keep": "last",
-    "refine": {},
-    "policy": "",
-    "batches": 1,
-    "calm": 0,
-    "calm_share": 0.7,
-}
-
-
-def with_later(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """The config of a result of any version, with keys added that it lacks, at their defaults."""
-    return {**settings, "algorithm": {**LATER, **settings["algorithm"]}}
-
 
 # Raised when the same settings give other results, so that old results are not taken for new ones.
 LEXIMIN_EDITION = 2  # over conjuncts, no longer over clauses
@@ -50,8 +35,8 @@ NORMALISE_EDITION = 2  # a predicate that never changes is divided by its margin
 class AlgorithmConfig:
     """The settings of policy search that all learners share: the budget and the first policy."""
 
-    iterations: int = setting("policy updates", 200, least=1, budget=True)
-    samples: int = setting("trajectories per iteration", 20, least=2, most=MOST_SAMPLES)
+    iterations: int = setting("policy updates", 200, least=1, role=Role.COMMON | Role.BUDGET | Role.GROWS)
+    samples: int = setting("trajectories per iteration", 20, least=2, most=MOST_SAMPLES, role=Role.COMMON)
     initial_std: float = setting(
         "exploration of the first policy, as a share of a full command", 1.0, above=0, most=100
     )
@@ -60,39 +45,56 @@ class AlgorithmConfig:
         "width of the exploration noise's correlation over time, steps; 0 for independent steps", 1.0, least=0
     )
     exploration: dict[str, float] = setting(
-        "exploration of single groups of commands, by their names, in place of initial_std", {}, above=0, most=100
+        "exploration of single groups of commands, by their names, in place of initial_std",
+        {},
+        above=0,
+        most=100,
+        role=Role.LATER,
     )
-    basis: int = setting("basis functions that a motion is made of; 0: an offset of its own at every step", 0, least=0)
+    basis: int = setting(
+        "basis functions that a motion is made of; 0: an offset of its own at every step", 0, least=0, role=Role.LATER
+    )
     told: str = setting(
         "what the learner is told about a trajectory in the cases tltl_*: its robustness, or leximin, which weighs all "
         "conjuncts of the spec, the worst first",
         "robustness",
         choices=TOLD,
+        role=Role.COMMON | Role.LATER,
     )
     normalise: bool = setting(
         "divide every predicate by its spread over the first iteration's trajectories, in what the learner is told",
         False,
+        role=Role.COMMON | Role.LATER,
     )
     keep: str = setting(
         "the policy that a run ends with: the last, or the best of those whose mean motion was simulated",
         "last",
         choices=("last", "best"),
+        role=Role.COMMON | Role.LATER,
     )
     calm: int = setting(
         "batches of 20 proposals that make the learned motion calm afterwards, as a second policy; 0: none",
         0,
         least=0,
-        budget=True,
+        role=Role.COMMON | Role.LATER | Role.BUDGET,
     )
-    calm_share: float = setting("share of the learned robustness that a calm motion has to keep", 0.7, above=0, most=1)
+    calm_share: float = setting(
+        "share of the learned robustness that a calm motion has to keep",
+        0.7,
+        above=0,
+        most=1,
+        role=Role.COMMON | Role.LATER,
+    )
     refine: dict[str, Any] = setting(
         "a second stage around the motion that the first one learned: after (iterations), and any other key of "
         "algorithm that is to change",
         {},
+        role=Role.COMMON | Role.LATER,
     )
     policy: str = setting(
         "a policy.npz, or the folder of a run; learning starts from its mean motion, not from the task's reference",
         "",
+        role=Role.COMMON | Role.LATER,
     )
 
     def __post_init__(self) -> None:
@@ -113,6 +115,16 @@ class AlgorithmConfig:
             raise UserError(
                 f"algorithm.policy: {path} cannot be read ({error.strerror}); give the policy.npz of a run"
             ) from error
+
+
+def with_later(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """The config of a result of any version, with keys added that it lacks, at their defaults."""
+    return {**settings, "algorithm": {**LATER, **settings["algorithm"]}}
+
+
+LATER = {  # keys with the role `Role.LATER`, and their defaults
+    name: getattr(kind(), name) for kind in (AlgorithmConfig, RepsSettings) for name in fields_with(Role.LATER, kind)
+}
 
 
 @dataclass(frozen=True)
@@ -231,7 +243,9 @@ class Study:
     seeds: tuple[int, ...]
     algorithm: AlgorithmConfig
     learners: Mapping[str, Any]
-    trials: int = setting("noisy trials of each learned policy, for the success rate", 100, least=1, most=MOST_TRIALS)
+    trials: int = setting(
+        "noisy trials of each learned policy, for the success rate", 100, least=1, most=MOST_TRIALS, role=Role.BUDGET
+    )
     settings: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     refine: Mapping[str, Stage] = dataclasses.field(default_factory=dict)
 

@@ -22,7 +22,7 @@ from tltlrl.learning.policy import Policy
 from tltlrl.learning.reps.dual import solve_dual
 from tltlrl.learning.reps.update import COVARIANCE_RULES, fit, reward_to_go
 from tltlrl.learning.scores import Scores
-from tltlrl.settings import check, setting
+from tltlrl.settings import Role, check, setting
 
 Array = NDArray[np.float64]
 
@@ -37,7 +37,11 @@ class RepsSettings:
     )
     kept: float = setting("share of the old covariance in the damped fit", 0.5, least=0, below=1)
     batches: int = setting(
-        "batches of samples that an update learns from; 1: the newest alone, as published", 1, least=1, most=100
+        "batches of samples that an update learns from; 1: the newest alone, as published",
+        1,
+        least=1,
+        most=100,
+        role=Role.LATER,
     )
 
     def __post_init__(self) -> None:
@@ -51,7 +55,7 @@ class RepsState:
     Attributes:
       gain, mean, covariance, correlation: of the policy.
       offsets: offsets of the last `batches` - 1 batches, the oldest first, shape (M, T, d).
-      scores: their returns, shape (M,), or rewards-to-go, shape (M, T).
+      scores: their returns, shape (M), or rewards-to-go, shape (M, T).
     """
 
     gain: Array
@@ -91,7 +95,7 @@ class _Reps:
         return self.policy(state).sample(count, rng)
 
     def worth(self, scores: Scores) -> Array:
-        """The numbers that the dual weighs: one per trajectory, (N,), or one per trajectory and step, (N, T)."""
+        """The numbers that the dual weighs: one per trajectory, (N), or one per trajectory and step, (N, T)."""
         raise NotImplementedError
 
     def tell(self, state: RepsState, offsets: Array, scores: Scores) -> tuple[RepsState, Diagnostics]:
@@ -132,7 +136,7 @@ class EpisodeBased(_Reps):
     by_step = False
 
     def worth(self, scores: Scores) -> Array:
-        """The returns R_i, shape (N,)."""
+        """The returns R_i, shape (N)."""
         return scores.returns
 
 

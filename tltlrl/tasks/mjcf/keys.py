@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from tltlrl.settings import setting
+from tltlrl.settings import Role, Setting, setting, settings_of
 
 NUMBER, WORD, TEXT, NAMES = "a number", "a word", "a text", "a list of names"
 NUMBERS_BY_NAME, SETTINGS = "names and numbers, as {elbow: 0.3}", "keys and values, as {model: solid.xml}"
@@ -24,89 +24,102 @@ class RobotConfig:
     """A robot's page as it was read, and where it was. Every key of a page but `model` has a default."""
 
     name: str = setting("mjcf, for every robot that is described by a page", "mjcf")
-    file: str = setting("the page; it is known by its content, wherever it is", "", place=True)
+    file: str = setting("the page; it is known by its content, wherever it is", "", role=Role.PLACE)
     digest: str = setting("digest of the model's files, so that a changed model is noticed", "")
-    model: str = setting("an MJCF file: a path from the page's folder, or package:path of an installed package", "")
-    duration: float = setting("length of one episode, s", 5.0, above=0)
-    control_timestep: float = setting("time between two commands, s; a multiple of the model's timestep", 0.05, above=0)
+    model: str = setting(
+        "an MJCF file: a path from the page's folder, or package:path of an installed package",
+        "",
+        kind=TEXT,
+        example="model: arm.xml",
+    )
+    duration: float = setting(
+        "length of one episode, s", 5.0, above=0, kind=NUMBER, example="duration: 5.0", role=Role.COMMON
+    )
+    control_timestep: float = setting(
+        "time between two commands, s; a multiple of the model's timestep",
+        0.05,
+        above=0,
+        kind=NUMBER,
+        example="control_timestep: 0.05",
+        role=Role.COMMON,
+    )
     start: dict[str, Any] = setting(
         "joint positions at the start, rad or m, by the joints' names; others are as in the keyframe or the model",
         {},
+        kind=NUMBERS_BY_NAME,
+        example="start: {shoulder: 0.3}",
     )
-    keyframe: str | None = setting("a keyframe of the model, to start from", None)
+    keyframe: str | None = setting("a keyframe of the model, to start from", None, kind=WORD, example="keyframe: home")
     spread: float = setting(
-        "standard deviation of the start, rad or m in every joint; it is drawn anew for each trajectory", 0.0, least=0
+        "standard deviation of the start, rad or m in every joint; it is drawn anew for each trajectory",
+        0.0,
+        least=0,
+        kind=NUMBER,
+        example="spread: 0.02",
     )
     actuators: dict[str, Any] = setting(
         "actuators that are added to the model, by the joints that they drive: motor (its gear), position (kp, and "
         "damping: kv) or velocity (kv), with the range of their commands and, if limited, their force, N or N m",
         {},
+        kind=ACTUATORS,
+        example="actuators: {elbow: {velocity: 50, range: [-1, 1], force: 30}}",
+        role=Role.COMMON,
     )
     commands: list[str] = setting(
-        "the actuators that the policy commands, all if none is named; others are taken out of the model", []
+        "the actuators that the policy commands, all if none is named; others are taken out of the model",
+        [],
+        kind=NAMES,
+        example="commands: [shoulder, elbow]",
+        role=Role.COMMON,
     )
     command_noise: float = setting(
-        "standard deviation of the actuators' noise, as a share of a full command", 0.01, least=0, most=10
+        "standard deviation of the actuators' noise, as a share of a full command",
+        0.01,
+        least=0,
+        most=10,
+        kind=NUMBER,
+        example="command_noise: 0.01",
     )
     feedback: dict[str, Any] = setting(
         "by the actuators' names, what is added to a command, in its unit, per rad or m that its joint is off the "
         "reference; negative pulls back. Or two numbers, the second per rad/s or m/s; or other joints with theirs",
         {},
+        kind=FEEDBACK,
+        example="feedback: {shoulder: -1, elbow: {elbow: [-1, -0.1], wrist: 0.2}}",
+        role=Role.COMMON,
     )
     reference: Any = setting(
         "the motion that learning starts from: hold stays at the start; waypoints, each a time, s, and joint "
         "positions, are joined by straight lines",
         "hold",
+        kind=MOTION,
+        example="reference: [{time: 2, shoulder: 1.2}, {time: 4, shoulder: 0.5, elbow: 1}]",
+        role=Role.COMMON,
     )
     signals: dict[str, Any] = setting(
         "what a spec can speak of, beside command; the path of the first that is a position is measured; if none is "
         "named: all sensors of the model by name, qpos and qvel",
         {},
+        kind=SIGNALS,
+        example="signals: {tip: site_xpos.tip, angles: [qpos.shoulder, qpos.elbow]}",
+        role=Role.COMMON,
     )
-    ends_when: str | None = setting("an episode ends early where this formula of the language holds", None)
+    ends_when: str | None = setting(
+        "an episode ends early where this formula of the language holds",
+        None,
+        kind=TEXT,
+        example="ends_when: tip.z < 0",
+    )
     evaluation: dict[str, Any] = setting(
-        "other values of these keys for the trials of what was learned, such as a more truthful model", {}
+        "other values of these keys for the trials of what was learned, such as a more truthful model",
+        {},
+        kind=SETTINGS,
+        example="evaluation: {model: solid.xml}",
+        role=Role.COMMON,
     )
-    camera: str | None = setting("a camera of the model, for films", None)
+    camera: str | None = setting("a camera of the model, for films", None, kind=WORD, example="camera: front")
 
 
-@dataclass(frozen=True)
-class Kind:
-    """What a key's value looks like on a page.
-
-    Attributes:
-      kind: the kind of value, in words.
-      example: an example, as YAML.
-    """
-
-    kind: str
-    example: str
-
-
-KINDS: Mapping[str, Kind] = {
-    "model": Kind(TEXT, "model: arm.xml"),
-    "duration": Kind(NUMBER, "duration: 5.0"),
-    "control_timestep": Kind(NUMBER, "control_timestep: 0.05"),
-    "start": Kind(NUMBERS_BY_NAME, "start: {shoulder: 0.3}"),
-    "keyframe": Kind(WORD, "keyframe: home"),
-    "spread": Kind(NUMBER, "spread: 0.02"),
-    "actuators": Kind(ACTUATORS, "actuators: {elbow: {velocity: 50, range: [-1, 1], force: 30}}"),
-    "commands": Kind(NAMES, "commands: [shoulder, elbow]"),
-    "command_noise": Kind(NUMBER, "command_noise: 0.01"),
-    "feedback": Kind(FEEDBACK, "feedback: {shoulder: -1, elbow: {elbow: [-1, -0.1], wrist: 0.2}}"),
-    "reference": Kind(MOTION, "reference: [{time: 2, shoulder: 1.2}, {time: 4, shoulder: 0.5, elbow: 1}]"),
-    "signals": Kind(SIGNALS, "signals: {tip: site_xpos.tip, angles: [qpos.shoulder, qpos.elbow]}"),
-    "ends_when": Kind(TEXT, "ends_when: tip.z < 0"),
-    "evaluation": Kind(SETTINGS, "evaluation: {model: solid.xml}"),
-    "camera": Kind(WORD, "camera: front"),
-}
-FIXED_IN_EVALUATION = (
-    "duration",
-    "control_timestep",
-    "actuators",
-    "commands",
-    "feedback",
-    "reference",
-    "signals",
-    "evaluation",
-)
+# The keys of a page, in the order of the table.
+KINDS: Mapping[str, Setting] = {name: its for name, its in settings_of(RobotConfig).items() if its.kind}
+COMMON = [name for name in KINDS if Role.COMMON in KINDS[name].role]

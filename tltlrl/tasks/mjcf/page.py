@@ -17,8 +17,8 @@ from tltlrl.errors import UserError, nearest, printable
 from tltlrl.store.bounded import BoundsError, check_node
 from tltlrl.tasks.mjcf.keys import (
     ACTUATORS,
+    COMMON,
     FEEDBACK,
-    FIXED_IN_EVALUATION,
     KINDS,
     MOTION,
     NAMES,
@@ -148,7 +148,7 @@ def _check(page: Page, values: Mapping[str, Any], within: Key) -> None:
                 (*within, key, *inner),
                 f"expected {expected if inner else kind}, not {printable(repr(at))}; for instance {KINDS[key].example}",
             )
-        if within and key in FIXED_IN_EVALUATION:
+        if within and key in COMMON:
             raise page.mistake(
                 (*within, key), "it is the same in training and in evaluation: a policy belongs to it; leave it out"
             )

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from tltlrl.settings import settings_of
-from tltlrl.tasks.mjcf.keys import FIXED_IN_EVALUATION, KINDS, RobotConfig
+from tltlrl.tasks.mjcf.keys import COMMON, KINDS, RobotConfig
 from tltlrl.tasks.mjcf.quantities import FIELDS
 
 HEAD = """\
@@ -34,14 +33,13 @@ of the physics step that led to it.
 
 def reference() -> str:
     """The text of the page."""
-    settings = settings_of(RobotConfig)
     default = RobotConfig()
     lines = [HEAD, "| key | what it means | default | for instance |", "|---|---|---|---|"]
     for key, kind in KINDS.items():
         value = getattr(default, key)
         shown = "" if value in ("", None, [], {}) else f"`{value}`"
-        lines.append(f"| `{key}` | {settings[key].meaning} | {shown} | `{kind.example}` |")
-    lines.append(KEYS.format(fixed=", ".join(f"`{key}`" for key in FIXED_IN_EVALUATION)).rstrip("\n"))
+        lines.append(f"| `{key}` | {kind.meaning} | {shown} | `{kind.example}` |")
+    lines.append(KEYS.format(fixed=", ".join(f"`{key}`" for key in COMMON)).rstrip("\n"))
     for name, field in FIELDS.items():
         of = "GEOM.GEOM" if field.of == "geoms" else field.of.upper()
         parts = ", ".join(field.parts) or ("those of the joint" if field.of == "joint" else "")
