@@ -20,9 +20,9 @@ from tltlrl.learning.policy import Policy
 from tltlrl.learning.reps import EpisodeBased, RepsSettings
 from tltlrl.learning.scores import Scores
 from tltlrl.tasks.environment import environment
-from tltlrl.training.build import first_policy as start_of
 from tltlrl.training.build import set_up
 from tltlrl.training.loop import iterate
+from tltlrl.training.start import first_policy as start_of
 from tltlrl.training.study import Run
 
 Row = tuple[str, float, float | None, str]  # what, measured, target if any, ">=" or "<="

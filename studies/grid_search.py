@@ -29,7 +29,8 @@ from tltlrl.config.read import read
 from tltlrl.learning.reps import fit
 from tltlrl.registry import LEARNERS
 from tltlrl.simulation.rollout import Simulator
-from tltlrl.training.build import first_policy, make_reward, make_task
+from tltlrl.training.build import make_reward, make_task
+from tltlrl.training.start import first_policy
 from tltlrl.training.study import Run
 
 STUDIES = Path(__file__).parent

@@ -21,7 +21,8 @@ from tltlrl.config.read import read
 from tltlrl.logic import load_spec
 from tltlrl.resources import spec_path
 from tltlrl.training.build import set_up
-from tltlrl.training.session import learned_policy, train
+from tltlrl.training.learned import learned_policy
+from tltlrl.training.session import train
 from tltlrl.training.verdict import robustness_of
 
 FACTORS = (1.0, 0.1, 0.01, 1200.0)  # 1200: the gripper in per cent

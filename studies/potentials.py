@@ -24,7 +24,8 @@ from tltlrl.logic.online.monitor import Monitor, Reading
 from tltlrl.logic.online.potential import Potential, finite, hope, stages
 from tltlrl.logic.online.pursuit import Quick
 from tltlrl.training import loop
-from tltlrl.training.build import first_policy, set_up
+from tltlrl.training.build import set_up
+from tltlrl.training.start import first_policy
 
 Array = NDArray[np.float64]
 STAGE = 3.0  # in the predicates' unit: what one guard counts in `guards`, and no distance from one counts more

@@ -26,7 +26,8 @@ from tltlrl.simulation.rollout import Simulator
 from tltlrl.simulation.trials import mean_motion
 from tltlrl.store.layout import DONE
 from tltlrl.tasks.task import Signals
-from tltlrl.training.build import first_policy, make_task
+from tltlrl.training.build import make_task
+from tltlrl.training.start import first_policy
 from tltlrl.training.study import Run
 from tltlrl.training.verdict import try_policy
 

@@ -14,8 +14,9 @@ from tltlrl.cli import main as cli
 from tltlrl.config.compose import compose
 from tltlrl.config.read import read
 from tltlrl.experiments.extend import changes
-from tltlrl.training.build import first_policy, set_up
+from tltlrl.training.build import set_up
 from tltlrl.training.loop import iterate
+from tltlrl.training.start import first_policy
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 MODEL = """\

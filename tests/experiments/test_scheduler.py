@@ -159,3 +159,10 @@ def test_code_of_other_packages_counts_where_a_run_uses_it(package):
     assert theirs["code of the task short_arm"] == code_digest("elsewhere")
     assert different(ours, ours | {"numpy": "0.1"}) == f"numpy: 0.1 there, {ours['numpy']} here"
     assert package.is_dir()
+
+
+def test_versions_of_what_a_task_or_a_learner_computes_with_count():
+    ours = origin("reach_avoid", "episodic")
+    assert origin("reach_avoid", "cma").keys() - ours.keys() == {"cma"}
+    assert origin("gymnasium", "episodic").keys() - ours.keys() == {"gymnasium"}
+    assert all(ours[name] != "none" for name in ("numpy", "scipy", "mujoco", "dm-control"))

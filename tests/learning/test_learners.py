@@ -11,7 +11,7 @@ from tltlrl.learning.policy import Policy
 from tltlrl.learning.reps import EpisodeBased, RepsSettings
 from tltlrl.learning.scores import Scores
 from tltlrl.registry import LEARNERS
-from tltlrl.training.session import arrays_of, from_arrays
+from tltlrl.training.states import arrays_of, from_arrays
 
 SAMPLES, STEPS, D = 20, 6, 2
 SLOPE = np.random.default_rng(99).standard_normal((STEPS, D))

@@ -10,8 +10,9 @@ from tltlrl.config.compose import compose
 from tltlrl.config.read import read
 from tltlrl.logic import parse_spec
 from tltlrl.simulation.trials import mean_motion
-from tltlrl.training.build import first_policy, set_up
+from tltlrl.training.build import set_up
 from tltlrl.training.calm import NOISY, begin, calm_policy, calmer, events, floor, straightness
+from tltlrl.training.start import first_policy
 
 
 def test_the_floor_sinks_to_the_share_and_stays_there():

@@ -18,10 +18,12 @@ from tltlrl.store.files import read_arrays, write_arrays
 from tltlrl.store.run import DamagedError, read_results
 from tltlrl.training import calm as calm_module
 from tltlrl.training import session
-from tltlrl.training.build import first_policy, make_reward, refined_policy, set_up
+from tltlrl.training.build import make_reward, set_up
 from tltlrl.training.calm import calmer
+from tltlrl.training.learned import learned_policy
 from tltlrl.training.loop import iterate
-from tltlrl.training.session import learned_policy, train
+from tltlrl.training.session import train
+from tltlrl.training.start import first_policy, refined_policy
 from tltlrl.training.study import AlgorithmConfig
 from tltlrl.training.verdict import try_policy
 

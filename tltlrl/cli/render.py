@@ -13,7 +13,8 @@ from tltlrl.reports.video import Film, beside, film, write_film
 from tltlrl.reports.workspace import can_draw, draw_workspace
 from tltlrl.resources import user_path
 from tltlrl.store.layout import CALM_WORKSPACE, WORKSPACE
-from tltlrl.training.build import first_policy, make_task
+from tltlrl.training.build import make_task
+from tltlrl.training.start import first_policy
 
 
 def add_arguments(parser: ArgumentParser) -> None:

@@ -36,7 +36,8 @@ def read(config: Mapping[str, Any]) -> tuple[Study, Machinery]:
     seeds = seeds_of(config["seeds"])
     spec = load_spec(spec_path(config["spec"]), config["constants"])
 
-    from tltlrl.training.build import check, make_task
+    from tltlrl.training.build import make_task
+    from tltlrl.training.check import check
 
     entry = TASKS.get(str(config["task"].get("name")))
     cases = [case_of(str(name), entry.hand_made) for name in config["cases"]]

@@ -43,8 +43,9 @@ from tltlrl.store.layout import (
     REPORT,
     WORKSPACE,
 )
-from tltlrl.training.build import cut_windows, make_task, unlike_resets
-from tltlrl.training.session import learned_policy
+from tltlrl.training.build import make_task
+from tltlrl.training.check import cut_windows, unlike_resets
+from tltlrl.training.learned import learned_policy
 from tltlrl.training.study import Run, Study
 
 RECORDS = 100  # most writes of manifest.json in a session, because it lists every run

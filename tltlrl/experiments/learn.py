@@ -24,7 +24,8 @@ from tltlrl.reports.workspace import can_draw, workspace_figure
 from tltlrl.store.files import write_text
 from tltlrl.store.layout import PROGRESS
 from tltlrl.store.run import read_results
-from tltlrl.training.session import learned_policy, train
+from tltlrl.training.learned import learned_policy
+from tltlrl.training.session import train
 from tltlrl.training.study import Run
 from tltlrl.training.verdict import motions
 

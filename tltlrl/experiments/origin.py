@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
-import hashlib
 import importlib.metadata
 import importlib.util
 import platform
@@ -11,9 +11,11 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
+from tltlrl.errors import UserError
 from tltlrl.registry import LEARNERS, TASKS
+from tltlrl.store.files import digest_of_digests
 
-NUMERIC = ("numpy", "scipy", "mujoco", "dm-control")  # packages that decide numbers, apart from our own code
+NUMERIC = ("numpy", "scipy", "mujoco", "dm-control")  # packages that decide the numbers of every run
 BESIDE = {"configs", "specs", "__pycache__"}  # what a wheel has inside of the package and a checkout beside it
 
 
@@ -27,12 +29,14 @@ def origin(task: str, learner: str) -> dict[str, str]:
       Name of the code or package => its version, or a digest of its files.
     """
     found = {"Python": f"{sys.version_info.major}.{sys.version_info.minor}", "code of tltlrl": code_digest("tltlrl")}
+    packages = list(NUMERIC)
     for what, registry, name in (("task", TASKS, task), ("learner", LEARNERS, learner)):
         package = registry.address(name).partition(":")[0].partition(".")[0]
         if package != "tltlrl":
             found[f"code of the {what} {name}"] = code_digest(package)
-    names = (*NUMERIC, "cma") if learner == "cma" else NUMERIC
-    return found | {name: _version(name) for name in names}
+        with contextlib.suppress(UserError):  # it cannot be imported here, which its code says already
+            packages += getattr(registry.get(name), "packages", ())
+    return found | {name: _version(name) for name in packages}
 
 
 def different(here: Mapping[str, str], there: Mapping[str, str]) -> str:
@@ -50,13 +54,13 @@ def code_digest(package: str) -> str:
     spec = importlib.util.find_spec(package)
     if spec is None:
         return "none"
-    total = hashlib.sha256()
+    found = []
     for root in map(Path, spec.submodule_search_locations or [spec.origin or ""]):
         for path in sorted(root.rglob("*")) if root.is_dir() else [root]:
             parts = path.relative_to(root).parts
             if path.is_file() and not BESIDE & set(parts) and not any(part.startswith(".") for part in parts):
-                total.update("/".join(parts).encode() + hashlib.sha256(path.read_bytes()).digest())
-    return total.hexdigest()[:12]
+                found.append(("/".join(parts), path))
+    return digest_of_digests(found)[:12]
 
 
 def machine() -> str:

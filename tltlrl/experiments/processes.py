@@ -15,7 +15,6 @@ import pickle
 import signal
 import sys
 import threading
-import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -26,12 +25,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tltlrl.errors import UserError
+from tltlrl.experiments.seldom import seldom
 
 if TYPE_CHECKING:
     from tltlrl.training.study import Run
 
 MOST_DEATHS = 4  # of workers with the same run, after which the run is given up
-REPORT_SECONDS = 0.5
 DESCRIPTORS = 3  # per worker, in this process: the pipe's end, and the two by which each sees the other's end
 
 
@@ -205,17 +204,9 @@ def _work(pipe: Connection) -> None:
             pipe.send(("ready", None))
             ready = True
             gc.enable()
-        last = 0.0
-
-        def report(iteration: int) -> None:
-            nonlocal last
-            if time.monotonic() - last > REPORT_SECONDS:
-                last = time.monotonic()
-                pipe.send(("iteration", iteration))
-
         failure: Exception | None = None
         try:
-            compute(run, folder, report)
+            compute(run, folder, seldom(lambda iteration: pipe.send(("iteration", iteration))))
         except Exception as error:
             failure = _sendable(error)
         pipe.send(("end", failure))

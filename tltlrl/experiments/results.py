@@ -18,7 +18,8 @@ from tltlrl.store.bounded import read_yaml
 from tltlrl.store.layout import CALM, CONFIG, DONE, LAST, SPECS
 from tltlrl.store.run import DamagedError, read_checkpoint, read_results, shelve_checkpoint
 from tltlrl.training.build import make_task
-from tltlrl.training.session import check_policy, learned_policy, shorter_run
+from tltlrl.training.learned import check_policy, learned_policy
+from tltlrl.training.session import shorter_run
 from tltlrl.training.study import Run, Study, with_later
 
 

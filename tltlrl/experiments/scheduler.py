@@ -21,10 +21,10 @@ from typing import Any
 
 from tltlrl.errors import UserError, printable
 from tltlrl.experiments.origin import different, machine, origin
+from tltlrl.experiments.seldom import seldom
 from tltlrl.training.session import train
 from tltlrl.training.study import Run
 
-REPORT_SECONDS = 0.5
 SCHEDULER_SECONDS = 10
 CLOSE_SECONDS = 1
 LOOK_SECONDS = 0.05
@@ -225,19 +225,12 @@ def _told(error: Exception) -> Exception:
 def _on_worker(topic: str, index: int, run: Run, folder: Path, asked: Mapping[str, str]) -> Answer:
     from distributed import get_worker
 
-    worker, last = get_worker(), 0.0
+    worker = get_worker()
     if differs := different(asked, origin(run.task.name, run.case.learner)):
         return Answer(worker.address, machine(), refusal=differs)
     worker.log_event(topic, (index, None))
-
-    def report(iteration: int) -> None:
-        nonlocal last
-        if time.monotonic() - last > REPORT_SECONDS:
-            last = time.monotonic()
-            worker.log_event(topic, (index, iteration))
-
     try:
-        train(run, folder, report)
+        train(run, folder, seldom(lambda iteration: worker.log_event(topic, (index, iteration))))
     except Exception as error:
         return Answer(worker.address, machine(), error=error)
     return Answer(worker.address, machine())

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tltlrl.errors import UserError
 from tltlrl.learning.learner import Diagnostics
 from tltlrl.learning.policy import Policy
-from tltlrl.learning.scores import Scores
+from tltlrl.learning.scores import Scores, check_returns
 
 Array = NDArray[np.float64]
 MOST_DIMENSIONS = 300  # one update takes a second there; with ten times as many it takes a thousand
@@ -57,6 +57,7 @@ class CmaEs:
 
     Settings: ClassVar[type] = CmaSettings
     by_step: ClassVar[bool] = False
+    packages: ClassVar[tuple[str, ...]] = ("cma",)
 
     def __init__(self, settings: CmaSettings, samples: int) -> None:  # noqa: ARG002
         try:
@@ -107,14 +108,7 @@ class CmaEs:
         Raises:
           ValueError: if a return is NaN or +inf, or every one is -inf.
         """
-        returns = scores.returns
-        wrong = np.flatnonzero(np.isnan(returns) | (returns == np.inf))
-        if len(wrong):
-            raise ValueError(
-                f"the returns of samples {wrong.tolist()} are NaN or +inf: no policy can be learned from them"
-            )
-        if np.all(returns == -np.inf):
-            raise ValueError("every return is -inf: no sample is better than another")
+        check_returns(scores.returns)
         x = ((offsets - state.start) / state.scale).reshape(len(offsets), -1)
         search = self._purecma.CMAES(state.mean.tolist(), state.step_size, popsize=len(offsets))
         search.pc, search.ps, search.counteval = state.path.tolist(), state.step_path.tolist(), state.evaluations
@@ -124,7 +118,7 @@ class CmaEs:
         search.C.eigenvalues, search.C.eigenbasis = values.tolist(), vectors.tolist()
         search.C.invsqrt = ((vectors / np.sqrt(values)) @ vectors.T).tolist()
         search.C.updated_eval = state.evaluations
-        search.tell(x.tolist(), (-returns).tolist())
+        search.tell(x.tolist(), (-scores.returns).tolist())
         following = replace(
             state,
             mean=np.array(search.xmean),

@@ -32,6 +32,7 @@ class Learner(Protocol[State]):
     Attributes:
       Settings: dataclass of the learner's own keys in the config group `algorithm`; each has a default.
       by_step: whether it needs `Scores.rewards`.
+      packages: installed packages whose versions decide its numbers, besides NumPy; may be missing.
 
     `State` is a frozen dataclass of arrays and numbers.
     """

@@ -36,6 +36,20 @@ class Scores:
     rewards: Array | None = None
 
 
+def check_returns(returns: Array) -> None:
+    """Checks that a learner can learn from returns (..., N), each leading index a problem of its own.
+
+    Raises:
+      ValueError: if one is NaN or +inf (naming the samples), or all of a problem are -inf.
+    """
+    wrong = np.isnan(returns) | (returns == np.inf)
+    if wrong.any():
+        samples = np.unique(np.nonzero(wrong)[-1]).tolist()
+        raise ValueError(f"the returns of samples {samples} are NaN or +inf: no policy can be learned from them")
+    if (returns == -np.inf).all(axis=-1).any():
+        raise ValueError("every return is -inf: no sample is better than another")
+
+
 def leximin(conjuncts: Array) -> Array:
     """The leximin surrogate L of each trajectory, shape (N,).
 

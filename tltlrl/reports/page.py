@@ -41,7 +41,7 @@ from tltlrl.store.clauses import CLAUSE, DECIDES
 from tltlrl.store.files import write_text
 from tltlrl.store.layout import CALM, PAGE, WORKSPACE, run_of
 from tltlrl.training.build import make_task
-from tltlrl.training.session import learned_policy
+from tltlrl.training.learned import learned_policy
 from tltlrl.training.study import Study
 
 CLAIMS = "claims.md"

@@ -9,7 +9,7 @@ import json
 import os
 import re
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +54,11 @@ def naming(path: Path) -> Iterator[None]:
 def digest(content: bytes) -> str:
     """SHA-256 in hexadecimal digits, as `sha256sum` prints it."""
     return hashlib.sha256(content).hexdigest()
+
+
+def digest_of_digests(files: Iterable[tuple[str, Path]]) -> str:
+    """SHA-256, in hexadecimal digits, of labels and of the SHA-256 of the files that they stand for, in this order."""
+    return digest(b"".join(label.encode() + bytes.fromhex(digest(path.read_bytes())) for label, path in files))
 
 
 def clear_leftovers(folder: Path) -> None:

@@ -248,6 +248,7 @@ class TaskEntry:
       rewards: (coefficients, spec constants) => the hand-made rewards by name.
       hand_made: names of the hand-made rewards; `load_task` uses the first.
       evaluation: the config of training => the config of the scene for trials of learned policies.
+      packages: installed packages whose versions decide its numbers, besides NumPy, SciPy, MuJoCo and dm_control.
     """
 
     config: type
@@ -257,6 +258,7 @@ class TaskEntry:
     rewards: Callable[[Any, Mapping[str, Any]], dict[str, StepReward]] = lambda *_: {}
     hand_made: tuple[str, ...] = ()
     evaluation: Callable[[Any], Any] = lambda config: config
+    packages: tuple[str, ...] = ()
 
 
 def required_constants(constants: Mapping[str, Any], **kinds: type) -> list[Any]:

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from tltlrl.learning.scores import Scores
 from tltlrl.logic import telescope
 from tltlrl.tasks.task import Signals, StepReward
-from tltlrl.training.build import Setup, draw
+from tltlrl.training.build import Setup
 from tltlrl.training.clauses import standing
+from tltlrl.training.draw import draw
 from tltlrl.training.study import Run
 
 Array = NDArray[np.float64]

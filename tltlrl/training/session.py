@@ -7,63 +7,39 @@ import csv
 import dataclasses
 import math
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TextIO
-
-import numpy as np
 
 from tltlrl.errors import UserError
 from tltlrl.learning.learner import Learner
 from tltlrl.learning.policy import Policy
-from tltlrl.store.files import clear_leftovers, digest, naming, write_bytes
-from tltlrl.store.layout import CLAUSES, DONE, LAST, POLICY, PROGRESS, TIMING
+from tltlrl.store.files import clear_leftovers, digest, naming
+from tltlrl.store.layout import CLAUSES, DONE, LAST, PROGRESS, TIMING
 from tltlrl.store.lock import BusyError, held
 from tltlrl.store.run import (
     Checkpoint,
     DamagedError,
-    drop_checkpoint,
-    first_rows,
     iterations_done,
     read_calm_checkpoint,
     read_checkpoint,
-    read_policy,
     read_results,
     shelve_checkpoint,
     write_calm_checkpoint,
     write_checkpoint,
     write_results,
 )
-from tltlrl.tasks.task import Task
-from tltlrl.training.build import Setup, first_policy, make_learner, make_task, policy_of, refined_policy, set_up
+from tltlrl.training.build import Setup, make_learner, make_task, set_up
 from tltlrl.training.calm import Calm, begin, calm_policy, simplified
+from tltlrl.training.learned import check_policy, learned_policy
 from tltlrl.training.loop import iterate
+from tltlrl.training.start import first_policy, refined_policy
+from tltlrl.training.states import Stand, arrays_of, from_arrays, resume
 from tltlrl.training.study import Run
 from tltlrl.training.verdict import judge, robustness_of
 
 CHECKPOINT_SECONDS = 2.0
 LOCK_SECONDS = 10.0  # a worker ends within a few seconds after its command was killed
-
-
-@dataclass(frozen=True)
-class Stand:
-    """Where a run stands, as its checkpoint holds it.
-
-    Attributes:
-      state: the learner's state.
-      best: the policy with the best mean motion simulated so far; the first policy before any was simulated.
-      robustness: the robustness of that motion.
-    """
-
-    state: Any
-    best: Policy
-    robustness: float
-
-    def seen(self, policy: Policy, robustness: float) -> Stand:
-        """The stand after a policy's mean motion was simulated. If two are equally good, the newer is the best."""
-        better = robustness >= self.robustness
-        return Stand(self.state, policy if better else self.best, robustness if better else self.robustness)
 
 
 def train(run: Run, folder: Path, report: Callable[[int], None]) -> None:
@@ -212,91 +188,3 @@ def _write_row(file: TextIO, row: dict[str, Any], header: bool) -> None:
     if header:
         writer.writeheader()
     writer.writerow(row)
-
-
-def resume(folder: Path, identity: str, like: Callable[[int], Any]) -> tuple[int, int, Any]:
-    """Iterations done, their samples, and where a run stands; cuts the CSV files back to the checkpoint.
-
-    Without a usable checkpoint the run starts again from its first state.
-
-    Args:
-      folder, identity: of the run.
-      like: iterations done => a stand with the fields that the checkpoint should have; for 0, the first one.
-    """
-    try:
-        saved = read_checkpoint(folder, identity)
-        state = saved and from_arrays(like(saved.iteration), saved.state)
-    except DamagedError:  # the command has said so; see tltlrl.experiments.results.survey
-        saved = state = None
-    if saved is None or state is None:
-        drop_checkpoint(folder)
-        for name in (PROGRESS, CLAUSES, TIMING):
-            (folder / name).unlink(missing_ok=True)
-        return 0, 0, like(0)
-    for name in (PROGRESS, CLAUSES, TIMING):
-        write_bytes(folder / name, first_rows(folder / name, saved.iteration))
-    return saved.iteration, saved.env_steps, state
-
-
-def arrays_of(state: Any) -> dict[str, np.ndarray]:
-    """The fields of a dataclass of arrays and numbers, by name; fields of a nested dataclass as `name.field`."""
-    arrays: dict[str, np.ndarray] = {}
-    for field in dataclasses.fields(state):
-        value = getattr(state, field.name)
-        if dataclasses.is_dataclass(value):
-            arrays |= {f"{field.name}.{name}": array for name, array in arrays_of(value).items()}
-        else:
-            arrays[field.name] = np.asarray(value)
-    return arrays
-
-
-def from_arrays(like: Any, arrays: Mapping[str, np.ndarray]) -> Any:
-    """A state with the fields of `like`, from the result of `arrays_of`; numbers become numbers again.
-
-    Raises:
-      DamagedError: if a field is missing, or there is an unknown one.
-    """
-    if set(arrays_of(like)) != set(arrays):
-        raise DamagedError("the checkpoint is of another learner")
-    values: dict[str, Any] = {}
-    for field in dataclasses.fields(like):
-        value, prefix = getattr(like, field.name), f"{field.name}."
-        if dataclasses.is_dataclass(value):
-            inner = {name.removeprefix(prefix): array for name, array in arrays.items() if name.startswith(prefix)}
-            values[field.name] = from_arrays(value, inner)
-        else:
-            saved = arrays[field.name]
-            values[field.name] = saved if isinstance(value, np.ndarray) else saved.item()
-    return type(like)(**values)
-
-
-def learned_policy(folder: Path, name: str = POLICY) -> Policy:
-    """A policy of a finished run, read from its file.
-
-    Args:
-      folder: of the run.
-      name: of the file: policy.npz, or calm.npz beside it.
-
-    Raises:
-      DamagedError: if the file cannot be read, or holds no policy.
-    """
-    try:
-        return policy_of(read_policy(folder, name))
-    except (KeyError, ValueError, TypeError) as error:
-        raise DamagedError(f"{name} cannot be read ({error})") from error
-
-
-def check_policy(task: Task, policy: Policy) -> None:
-    """Checks that a policy has the shapes of the task, which its digest does not show.
-
-    Raises:
-      DamagedError: if it does not.
-    """
-    expected = (len(task.command_scale), task.width), (task.steps, len(task.command_scale))
-    if (policy.gain.shape, policy.mean.shape) != expected:
-        raise DamagedError(
-            f"its policy has arrays of the shapes {policy.gain.shape} and {policy.mean.shape}, and {task.name} needs "
-            f"{expected[0]} and {expected[1]}"
-        )
-    if not all(np.isfinite(array).all() for array in (policy.gain, policy.mean, policy.covariance)):
-        raise DamagedError("its policy holds values that are not finite")

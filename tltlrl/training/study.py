@@ -1,6 +1,6 @@
 """What is asked for: a study, and the runs it consists of. Plain data that checks itself and builds nothing.
 
-Rules that need two parts, such as the signals of spec and task, are checked where the parts meet: `training.build`.
+Rules that need two parts, such as the signals of spec and task, are checked where the parts meet: `training.check`.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from tltlrl.simulation.check_task import check_task
 from tltlrl.simulation.outside import unlike
 from tltlrl.simulation.simulator import simulator_of
 from tltlrl.tasks.foreign.environment import Described
-from tltlrl.training.build import unlike_resets
+from tltlrl.training.check import unlike_resets
 from tltlrl.training.session import train
 
 SPEC = "signal position[4]\nconst high = 0.3\nspec: F position[3] > high\n"

@@ -16,6 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tltlrl.learning.scores import check_returns
+
 Array = NDArray[np.float64]
 
 LOWEST_TEMPERATURE = 1e-300  # in units of the returns' range: two best returns may lie that close
@@ -60,15 +62,9 @@ def solve_dual(returns: Array, epsilon: float) -> Weighting:
     returns = np.asarray(returns, dtype=np.float64)
     if not epsilon > 0:
         raise ValueError(f"epsilon must be positive, not {epsilon}")
-    wrong = np.isnan(returns) | (returns == np.inf)
-    if wrong.any():
-        samples = np.unique(np.nonzero(wrong)[-1]).tolist()
-        raise ValueError(f"the returns of samples {samples} are NaN or +inf: no policy can be learned from them")
+    check_returns(returns)
     finite = returns > -np.inf
     count = finite.sum(axis=-1, keepdims=True)
-    if not count.all():
-        raise ValueError("every return is -inf: no sample is better than another")
-
     size = np.max(np.abs(returns), axis=-1, keepdims=True, where=finite, initial=np.finfo(float).tiny)
     best = np.max(returns, axis=-1, keepdims=True)
     worst = np.min(returns, axis=-1, keepdims=True, where=finite, initial=np.inf)

@@ -9,5 +9,11 @@ from tltlrl.tasks.foreign.keys import GymnasiumConfig, SuiteConfig
 from tltlrl.tasks.foreign.task import ForeignTask, own_rewards
 from tltlrl.tasks.task import TaskEntry
 
-GYMNASIUM = TaskEntry(config=GymnasiumConfig, make=ForeignTask, rewards=own_rewards, hand_made=("environment",))
+GYMNASIUM = TaskEntry(
+    config=GymnasiumConfig,
+    make=ForeignTask,
+    rewards=own_rewards,
+    hand_made=("environment",),
+    packages=("gymnasium",),
+)
 SUITE = TaskEntry(config=SuiteConfig, make=ForeignTask, rewards=own_rewards, hand_made=("environment",))

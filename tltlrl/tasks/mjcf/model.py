@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib.util
 import re
 from collections.abc import Callable
@@ -12,6 +11,7 @@ import mujoco
 from lxml import etree
 
 from tltlrl.errors import UserError, nearest
+from tltlrl.store.files import digest_of_digests
 from tltlrl.tasks.mjcf.keys import RobotConfig
 from tltlrl.tasks.mjcf.page import Key, mistake, shown
 
@@ -50,10 +50,7 @@ def model_path(model: str, folder: Path, told: Told) -> Path:
 
 def digest_of(path: Path) -> str:
     """SHA-256 of a model's file and all files that it names: other models, meshes, textures, height fields."""
-    total = hashlib.sha256()
-    for file in _files(path):
-        total.update(hashlib.sha256(file.read_bytes()).digest())
-    return total.hexdigest()
+    return digest_of_digests(("", file) for file in _files(path))
 
 
 def page_digest(config: RobotConfig) -> str:
