@@ -90,12 +90,12 @@ TASKS = Registry(
     },
     {
         "mjcf": "tltlrl.tasks.mjcf:MJCF",
-        "gymnasium": "tltlrl.tasks.foreign:GYMNASIUM",
-        "suite": "tltlrl.tasks.foreign:SUITE",
+        "gymnasium": "tltlrl.tasks.outside:GYMNASIUM",
+        "suite": "tltlrl.tasks.outside:SUITE",
     },
 )
 # Tasks that are an environment of others, chosen by task.id, and what loads one outside tltlrl.
-FOREIGN = {"gymnasium": "gymnasium.make", "suite": "dm_control.suite.load"}
+OUTSIDE = {"gymnasium": "gymnasium.make", "suite": "dm_control.suite.load"}
 LEARNERS = Registry(
     "learner",
     "tltlrl.learners",

@@ -11,7 +11,7 @@ from tltlrl.config.keys import KEYS, having, is_budget, machinery_defaults, resu
 from tltlrl.config.machinery import Machinery
 from tltlrl.errors import UserError
 from tltlrl.learning.reps import RepsSettings
-from tltlrl.registry import FOREIGN, LEARNERS, TASKS
+from tltlrl.registry import LEARNERS, OUTSIDE, TASKS
 from tltlrl.resources import CONFIGS
 from tltlrl.settings import Role, fields_with, setting
 from tltlrl.training.study import AlgorithmConfig
@@ -34,7 +34,7 @@ def test_the_files_say_the_defaults_of_the_code():
     assert {key: config[key] for key in machinery_defaults()} == machinery_defaults()
     assert config["algorithm"] == dataclasses.asdict(AlgorithmConfig()) | dataclasses.asdict(RepsSettings())
     assert config["trials"] == 100
-    for name in (*TASKS.built_in, *FOREIGN):
+    for name in (*TASKS.built_in, *OUTSIDE):
         entry = TASKS.get(name)
         for group, kind in (("task", entry.config), ("reward", entry.reward)):
             assert yaml.safe_load((CONFIGS / group / f"{name}.yaml").read_text()) == dataclasses.asdict(kind())

@@ -31,7 +31,7 @@ def run(arguments: Namespace) -> int:
     if arguments.task is None:
         print(_all())
         return 0
-    from tltlrl.registry import FOREIGN, TASKS
+    from tltlrl.registry import OUTSIDE, TASKS
     from tltlrl.resources import is_page
     from tltlrl.simulation.probe import ranges_seen
 
@@ -42,9 +42,9 @@ def run(arguments: Namespace) -> int:
     else:
         config = TASKS.get(arguments.task).config()
         if arguments.id is not None:
-            if arguments.task not in FOREIGN:
+            if arguments.task not in OUTSIDE:
                 raise UserError(
-                    f"{arguments.id}: only {' and '.join(FOREIGN)} have environments by their id; leave it out"
+                    f"{arguments.id}: only {' and '.join(OUTSIDE)} have environments by their id; leave it out"
                 )
             config = dataclasses.replace(config, id=arguments.id)
     task = TASKS.get(config.name).make(config)

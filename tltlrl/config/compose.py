@@ -15,7 +15,7 @@ from typing import Any
 from tltlrl.config.compare import flatten
 from tltlrl.config.keys import having, having_kind
 from tltlrl.errors import UserError, module_of, nearest
-from tltlrl.registry import FOREIGN, TASKS
+from tltlrl.registry import OUTSIDE, TASKS
 from tltlrl.resources import CONFIGS, OFFERED, is_page, user_path
 from tltlrl.settings import Role
 from tltlrl.store.bounded import BoundsError, check_yaml
@@ -117,7 +117,7 @@ def completed(overrides: Sequence[str]) -> list[str]:
 
         path = path_of(task)
         standing, name = robot.standing(path), robot.offer(path)
-    elif task in FOREIGN:
+    elif task in OUTSIDE:
         if task == "suite" and "task.name" in given:  # as dm_control calls it; the name is that of the kind of task
             addable = [re.sub(r"^task\.name=", "task.id=", override) for override in addable]
             given["task.id"] = given["task.name"]

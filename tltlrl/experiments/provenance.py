@@ -9,7 +9,7 @@ from typing import Any
 from tltlrl.config.compare import flatten
 from tltlrl.config.compose import compose, quoted, spec_of
 from tltlrl.errors import UserError
-from tltlrl.registry import FOREIGN, TASKS
+from tltlrl.registry import OUTSIDE, TASKS
 from tltlrl.reports.page import Provenance
 from tltlrl.training.study import Study
 
@@ -45,7 +45,7 @@ def _defaults(study: Study) -> dict[str, Any]:
     name = study.task.name
     if name in TASKS.built_in:
         return _built_in(name)
-    needed = [f"task.id={task['id']}"] if name in FOREIGN else []
+    needed = [f"task.id={task['id']}"] if name in OUTSIDE else []
     if spec_of(name) is None:
         needed.append(f"spec={quoted(study.settings['spec'])}")
     return _composed(f"task={name}", *needed)

@@ -9,7 +9,7 @@ from dm_control.rl import control
 
 from tltlrl.errors import UserError
 from tltlrl.logic import load_spec
-from tltlrl.registry import FOREIGN, TASKS
+from tltlrl.registry import OUTSIDE, TASKS
 from tltlrl.resources import is_page, spec_path
 from tltlrl.tasks.environment import environment
 from tltlrl.tasks.fits import check_fits
@@ -43,8 +43,8 @@ def load_task(name: str | Path, seed: int | None = None) -> control.Environment:
     else:
         entry = TASKS.get(name)
         config, own = entry.config(), spec_path(entry.spec) if entry.spec else None
-    if name in FOREIGN:
-        raise UserError(f"{name}: its environments step by themselves; load one with {FOREIGN[name]}")
+    if name in OUTSIDE:
+        raise UserError(f"{name}: its environments step by themselves; load one with {OUTSIDE[name]}")
     task = entry.make(config)
     spec = load_spec(own).sampled(task.control_timestep) if own else None
     if spec is not None:

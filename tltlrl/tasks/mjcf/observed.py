@@ -12,7 +12,7 @@ from tltlrl.logic import Spec, SpecError, is_signal_name, parse_spec
 from tltlrl.tasks.mjcf import quantities
 from tltlrl.tasks.mjcf.evaluation import At
 from tltlrl.tasks.mjcf.model import Told
-from tltlrl.tasks.mjcf.quantities import Measure
+from tltlrl.tasks.mjcf.quantities import ModelQuantity
 from tltlrl.tasks.task import Quantity
 
 COMMAND = "command"
@@ -21,7 +21,7 @@ STATE = ("qpos", "qvel")  # the fields that need no sensor
 
 def signals_named(
     model: mujoco.MjModel, given: Mapping[str, Any], joints: Sequence[str], at: At
-) -> dict[str, list[Measure]]:
+) -> dict[str, list[ModelQuantity]]:
     """Signal => the quantities that it is made of, in order.
 
     Args:
@@ -46,7 +46,7 @@ def signals_named(
     return found
 
 
-def _default_signals(model: mujoco.MjModel, joints: Sequence[str], told: Told) -> dict[str, list[Measure]]:
+def _default_signals(model: mujoco.MjModel, joints: Sequence[str], told: Told) -> dict[str, list[ModelQuantity]]:
     found = {field: [quantities.find(f"{field}.{name}", model, told) for name in joints] for field in STATE}
     for name in quantities.names_in(model, "sensor"):
         if name not in (*STATE, COMMAND) and is_signal_name(name):
@@ -66,7 +66,7 @@ def check_signal_name(name: str, told: Told) -> None:
         raise told(f"{name} is a word of the language; choose another name")
 
 
-def first_place(signals: Mapping[str, Sequence[Measure]]) -> str | None:
+def first_place(signals: Mapping[str, Sequence[ModelQuantity]]) -> str | None:
     """The first signal that is a position of a site, body or geom, by its address; None if there is none."""
     places = ("site_xpos", "xpos", "geom_xpos")
     alone = (parts[0] for parts in signals.values() if len(parts) == 1)
@@ -87,7 +87,7 @@ def state_places(model: mujoco.MjModel, joints: Sequence[str]) -> tuple[list[int
 
 
 def feature_groups(
-    model: mujoco.MjModel, joints: Sequence[str], sensed: Mapping[str, Measure], told: Told
+    model: mujoco.MjModel, joints: Sequence[str], sensed: Mapping[str, ModelQuantity], told: Told
 ) -> tuple[Quantity, ...]:
     """The groups of features: positions and velocities of the joints, then what sensors say, by its address."""
     groups = []
@@ -99,7 +99,7 @@ def feature_groups(
     return tuple(groups)
 
 
-def columns_of(signals: Mapping[str, Sequence[Measure]], observation: Sequence[Quantity]) -> dict[str, list[int]]:
+def columns_of(signals: Mapping[str, Sequence[ModelQuantity]], observation: Sequence[Quantity]) -> dict[str, list[int]]:
     """Signal => the indices of its values among the features."""
     labels = [label for group in observation for label in group.parts]
     return {
@@ -113,7 +113,7 @@ def columns_of(signals: Mapping[str, Sequence[Measure]], observation: Sequence[Q
     }
 
 
-def _labels(part: Measure) -> tuple[str, ...]:
+def _labels(part: ModelQuantity) -> tuple[str, ...]:
     """Names of all components of a quantity, as its features are called."""
     return tuple(f"{part.whole}.{component}" for component in part.parts) or (part.whole,)
 

@@ -12,7 +12,7 @@ from tltlrl.tasks.mjcf.actuators import Added, add_actuators, check_added
 from tltlrl.tasks.mjcf.evaluation import At
 from tltlrl.tasks.mjcf.keys import RobotConfig
 from tltlrl.tasks.mjcf.model import compiled, read_model
-from tltlrl.tasks.mjcf.quantities import Measure
+from tltlrl.tasks.mjcf.quantities import ModelQuantity
 from tltlrl.tasks.task import MOST_STEPS
 
 
@@ -38,7 +38,7 @@ def prepared(
     path: Path,
     digest: str,  # noqa: ARG001  # another one makes it another model
     added: tuple[Added, ...] = (),
-    measures: tuple[Measure, ...] = (),
+    measures: tuple[ModelQuantity, ...] = (),
     commanded: tuple[str, ...] | None = None,
 ) -> mujoco.MjModel:
     """The model with added actuators, sensors for all quantities, and only the commanded actuators."""

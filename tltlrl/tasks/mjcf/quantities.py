@@ -109,7 +109,7 @@ JOINT_PARTS = {
 
 
 @dataclass(frozen=True)
-class Measure:
+class ModelQuantity:
     """A quantity found in a model.
 
     Attributes:
@@ -156,7 +156,7 @@ def named(model: mujoco.MjModel, of: str) -> list[str]:
     return [name for name in names_in(model, of) if name]
 
 
-def find(address: str, model: mujoco.MjModel, told: Told) -> Measure:
+def find(address: str, model: mujoco.MjModel, told: Told) -> ModelQuantity:
     """A quantity by its address FIELD.NAME or FIELD.NAME.COMPONENT.
 
     Raises:
@@ -177,11 +177,11 @@ def find(address: str, model: mujoco.MjModel, told: Told) -> Measure:
             continue
         parts = _parts(field, names, model)
         if not component:
-            return Measure(address, field, names, parts, None)
+            return ModelQuantity(address, field, names, parts, None)
         if len(component) > 1 or component[0] not in parts:
             there = nearest(component[0], parts) if parts else "; it is a single number"
             raise told(f"{'.'.join((field, *names))} has no component {'.'.join(component)}{there}")
-        return Measure(address, field, names, parts, parts.index(component[0]))
+        return ModelQuantity(address, field, names, parts, parts.index(component[0]))
     if of == "geoms":
         raise told(f"{field} is between two geoms of the model; write {field}.GEOM.GEOM{nearest(words[0], valid)}")
     raise told(f"the model has no {of} {words[0] if len(words) == 1 else rest}{nearest(words[0], valid) or none(of)}")
@@ -216,7 +216,7 @@ def added_name(address: str, number: int) -> str:
     return f"tltlrl {address} {number}"
 
 
-def add_sensors(spec: mujoco.MjSpec, quantities: Iterable[Measure]) -> None:
+def add_sensors(spec: mujoco.MjSpec, quantities: Iterable[ModelQuantity]) -> None:
     """Adds the sensors that measure quantities; those of the state and of the model's own sensors need none."""
     for address, quantity in {quantity.whole: quantity for quantity in quantities}.items():
         field = FIELDS[quantity.field]
@@ -230,7 +230,7 @@ def add_sensors(spec: mujoco.MjSpec, quantities: Iterable[Measure]) -> None:
             spec.add_sensor(name=added_name(address, number), type=sensor, objtype=field.kind, objname=first, **more)
 
 
-def sensor_places(model: mujoco.MjModel, quantity: Measure) -> list[int]:
+def sensor_places(model: mujoco.MjModel, quantity: ModelQuantity) -> list[int]:
     """Where in sensordata all components of a quantity lie, in their order."""
     field = FIELDS[quantity.field]
     count = len(field.sensors)

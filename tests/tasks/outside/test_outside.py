@@ -15,7 +15,7 @@ from tltlrl.registry import TASKS
 from tltlrl.simulation.check_task import check_task
 from tltlrl.simulation.outside import unlike
 from tltlrl.simulation.simulator import simulator_of
-from tltlrl.tasks.foreign.environment import Described
+from tltlrl.tasks.outside.environment import Described
 from tltlrl.training.check import unlike_resets
 from tltlrl.training.session import train
 
@@ -52,7 +52,7 @@ class Moody:
 @pytest.fixture
 def moody(monkeypatch):
     said = Described(lambda _: Moody(), {"place": 2}, np.array([-1.0]), np.array([1.0]), 8, 0.1)
-    monkeypatch.setattr("tltlrl.tasks.foreign.of_suite.described", lambda _: said)
+    monkeypatch.setattr("tltlrl.tasks.outside.of_suite.described", lambda _: said)
     return lambda **settings: task_of("suite", "moody", **settings)
 
 

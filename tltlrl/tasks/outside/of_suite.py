@@ -11,7 +11,7 @@ from dm_control.rl.control import PhysicsError
 from numpy.typing import NDArray
 
 from tltlrl.errors import UserError, nearest, printable
-from tltlrl.tasks.foreign.environment import Array, Described, checked_commands, flat
+from tltlrl.tasks.outside.environment import Array, Described, checked_commands, flat
 
 
 def described(identity: str) -> Described:

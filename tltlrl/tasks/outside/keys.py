@@ -12,7 +12,7 @@ MOST_SEED = 2**31 - 1
 
 
 @dataclass(frozen=True)
-class ForeignConfig:
+class OutsideConfig:
     """The settings that all kinds of environments share."""
 
     name: str = setting("of the kind of environment", "")
@@ -44,7 +44,7 @@ class ForeignConfig:
 
 
 @dataclass(frozen=True)
-class GymnasiumConfig(ForeignConfig):
+class GymnasiumConfig(OutsideConfig):
     """The settings of an environment of Gymnasium."""
 
     name: str = setting("of the kind of environment", "gymnasium")
@@ -52,7 +52,7 @@ class GymnasiumConfig(ForeignConfig):
 
 
 @dataclass(frozen=True)
-class SuiteConfig(ForeignConfig):
+class SuiteConfig(OutsideConfig):
     """The settings of an environment of dm_control's suite."""
 
     name: str = setting("of the kind of environment", "suite")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageOps
 
 from tltlrl.errors import UserError, nearest, printable
-from tltlrl.tasks.foreign.environment import Array, Described, checked_commands, flat
+from tltlrl.tasks.outside.environment import Array, Described, checked_commands, flat
 
 
 def described(identity: str) -> Described:

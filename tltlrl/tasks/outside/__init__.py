@@ -5,15 +5,15 @@ Their observations become features and signals. Their own reward becomes a hand-
 
 from __future__ import annotations
 
-from tltlrl.tasks.foreign.keys import GymnasiumConfig, SuiteConfig
-from tltlrl.tasks.foreign.task import ForeignTask, own_rewards
+from tltlrl.tasks.outside.keys import GymnasiumConfig, SuiteConfig
+from tltlrl.tasks.outside.task import OutsideTask, own_rewards
 from tltlrl.tasks.task import TaskEntry
 
 GYMNASIUM = TaskEntry(
     config=GymnasiumConfig,
-    make=ForeignTask,
+    make=OutsideTask,
     rewards=own_rewards,
     hand_made=("environment",),
     packages=("gymnasium",),
 )
-SUITE = TaskEntry(config=SuiteConfig, make=ForeignTask, rewards=own_rewards, hand_made=("environment",))
+SUITE = TaskEntry(config=SuiteConfig, make=OutsideTask, rewards=own_rewards, hand_made=("environment",))

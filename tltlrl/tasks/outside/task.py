@@ -11,8 +11,8 @@ from dm_control import mujoco
 
 from tltlrl.errors import UserError, nearest
 from tltlrl.logic import is_signal_name
-from tltlrl.tasks.foreign.environment import Described
-from tltlrl.tasks.foreign.keys import ForeignConfig
+from tltlrl.tasks.outside.environment import Described
+from tltlrl.tasks.outside.keys import OutsideConfig
 from tltlrl.tasks.task import Array, Memory, Outside, Quantity, Signals, StepReward, Task
 
 COMMAND, REWARD = "command", "reward"
@@ -28,10 +28,10 @@ def _as_paid(signals: Signals, memory: Memory = None) -> tuple[Array, Memory]:
     return signals[REWARD], memory
 
 
-class ForeignTask(Task):
+class OutsideTask(Task):
     """An environment: its features are its observations and, last, the reward that led to them."""
 
-    def __init__(self, config: ForeignConfig) -> None:
+    def __init__(self, config: OutsideConfig) -> None:
         """Makes the environment once, to find its observations and commands.
 
         Raises:
@@ -119,11 +119,11 @@ class ForeignTask(Task):
         return gain
 
 
-def _described(config: ForeignConfig) -> Described:
+def _described(config: OutsideConfig) -> Described:
     if config.name == "suite":
-        from tltlrl.tasks.foreign.of_suite import described  # takes a second to import
+        from tltlrl.tasks.outside.of_suite import described  # takes a second to import
     else:
-        from tltlrl.tasks.foreign.of_gymnasium import described
+        from tltlrl.tasks.outside.of_gymnasium import described
 
     return described(config.id)
 
