@@ -192,6 +192,37 @@ def test_an_episode_starts_where_the_tasks_spread_puts_it(monkeypatch):
     assert np.abs(alone[0] - alone[1]).max() > 0
 
 
+@pytest.mark.parametrize(
+    ("action", "error", "message"),
+    [
+        (np.nan, ValueError, "the action for environment 1 is NaN; look for what made it so in the policy"),
+        (
+            1.0,
+            FloatingPointError,
+            "the simulation of reach_avoid diverged: environment 1, [0-9.]+ s; a smaller timestep of the model, more "
+            "damping or armature in its joints, or smaller actions usually help",
+        ),
+    ],
+)
+def test_what_goes_wrong_is_told_and_no_robot_starts_again_by_itself(monkeypatch, action, error, message):
+    """MuJoCo would leave out a command that is NaN, and reset a robot that diverged."""
+    compiled = PlanarArm.make_physics
+
+    def pushed_the_harder_the_faster(task):
+        physics = compiled(task)
+        physics.model.dof_damping[:] = -1e6
+        return physics
+
+    if error is FloatingPointError:
+        monkeypatch.setattr(PlanarArm, "make_physics", pushed_the_harder_the_faster)
+    envs = gymnasium.make_vec("tltlrl/ReachAvoid-v0", num_envs=2, noise=False)
+    envs.reset(seed=0)
+    actions = np.zeros((2, 3))
+    actions[1] = action
+    with pytest.raises(error, match=message):
+        [envs.step(actions) for _ in range(100)]
+
+
 def test_the_pages_environments(tmp_path, monkeypatch):
     """The code of docs/online.md as written, on a spec and an environment of the kind that it speaks of."""
     page = (Path(__file__).parents[1] / "docs/online.md").read_text(encoding="utf-8").split("## Gymnasium")[1]

@@ -5,7 +5,8 @@ import pytest
 
 from tltlrl.errors import UserError
 from tltlrl.simulation import rollout
-from tltlrl.simulation.rollout import Simulator, entries, substeps
+from tltlrl.simulation.rollout import Simulator, entries
+from tltlrl.simulation.scene import substeps
 from tltlrl.tasks.environment import environment
 from tltlrl.tasks.planar_arm.scene import PlanarArm, PlanarArmConfig
 from tltlrl.tasks.toast.scene import Toast, ToastConfig

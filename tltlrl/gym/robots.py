@@ -58,10 +58,17 @@ class _Robots:
         return self._begun(np.zeros((n, *self.action_space.shape)), np.ones(n, dtype=np.bool_), random)
 
     def step(self, actions: Any, random: Generators) -> tuple[Any, Judgement]:
-        """Makes one control step of each; where an episode was over, another begins, and the action is ignored."""
+        """Makes one control step of each; where an episode was over, another begins, and the action is ignored.
+
+        Raises:
+          ValueError: if an action is NaN, for which MuJoCo would take 0.
+          FloatingPointError: if a simulation diverged.
+        """
         commands = np.clip(np.asarray(actions, dtype=np.float64), -1.0, 1.0) * self.task.command_scale
         begins = self.over
         commands[begins] = 0.0  # before the first sample nothing is commanded
+        if len(wrong := np.flatnonzero(np.isnan(commands).any(axis=1))):
+            raise ValueError(f"the action for environment {wrong[0]} is NaN; look for what made it so in the policy")
         disturbed = commands.copy()
         if self.noise:
             for row in np.flatnonzero(~begins).tolist():

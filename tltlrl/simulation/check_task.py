@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from tltlrl.errors import UserError, nearest
 from tltlrl.logic import is_signal_name
 from tltlrl.simulation.outside import unlike
-from tltlrl.simulation.rollout import Trajectories, substeps
+from tltlrl.simulation.rollout import Trajectories
+from tltlrl.simulation.scene import substeps
 from tltlrl.simulation.simulator import simulator_of
 from tltlrl.tasks.environment import environment
 from tltlrl.tasks.task import MOST_STEPS, Quantity, Task

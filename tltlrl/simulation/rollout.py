@@ -1,7 +1,7 @@
 """Closed-loop simulation of N trajectories at once.
 
-One control step of the batch is one call into C (`mujoco.rollout`) that steps all trajectories. It uses no thread
-pool: at these batch sizes a pool costs more time than it saves, so whole runs are what is parallel.
+One control step of the batch is one call into C (`mujoco.rollout`) that steps all trajectories. Whole runs are what is
+parallel.
 """
 
 from __future__ import annotations
@@ -9,18 +9,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import mujoco
-import mujoco.rollout
 import numpy as np
 from numpy.typing import NDArray
 
-from tltlrl.errors import UserError
+from tltlrl.simulation.scene import HELPS, HUGE, ROUNDING, scene_of
 from tltlrl.tasks.task import Task, draw_command_noise, draw_starts
 
 Array = NDArray[np.float64]
-HUGE = mujoco.mjMAXVAL  # larger positions and velocities MuJoCo would reset, larger controls it would ignore
-ROUNDING = 1e-6  # allowed in a quotient of times
 ROWS = 10_000  # samples whose features are computed at once: more are no faster, and take more memory
-mujoco.set_mju_user_warning(lambda _: None)  # `rollout` raises instead; MuJoCo would leave a file where the user works
 
 
 class DivergedError(FloatingPointError):
@@ -38,55 +34,6 @@ class DivergedError(FloatingPointError):
     def __str__(self) -> str:
         also = f"{self.advice}, or " if self.advice else ""
         return f"{self.where}; {also}less exploration (algorithm.initial_std) usually helps"
-
-
-def substeps(task: Task, timestep: float) -> int:
-    """The number of physics steps, of `timestep` seconds each, in one control step.
-
-    Raises:
-      UserError: if it is not a whole number.
-    """
-    quotient = task.control_timestep / timestep
-    count = round(quotient)
-    if count < 1 or abs(quotient - count) > ROUNDING:
-        raise UserError(
-            f"the control timestep of {task.control_timestep} s is no multiple of the model's, {timestep} s; change "
-            "one of them"
-        )
-    return count
-
-
-def of_forces(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """Which of a model's sensor values measure forces and accelerations, shape (nsensordata,)."""
-    return np.repeat(model.sensor_needstage == mujoco.mjtStage.mjSTAGE_ACC.value, model.sensor_dim)
-
-
-def sensors_at(model: mujoco.MjModel, data: mujoco.MjData, states: Array) -> Array:
-    """The sensors' values at full physics states (N, size), without a command: (N, nsensordata)."""
-    values = np.empty((len(states), model.nsensordata))
-    for row, state in zip(values, states, strict=True):
-        mujoco.mj_setState(model, data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS.value)
-        data.ctrl[:], data.qacc_warmstart[:] = 0.0, 0.0
-        mujoco.mj_forward(model, data)
-        row[:] = data.sensordata
-    return values
-
-
-def starting_states(model: mujoco.MjModel, start: Array, count: int, pushes: Array | None) -> Array:
-    """The full physics states at s_0, (count, size): the task's start, with the first M moved away from it.
-
-    Args:
-      model: the model that the states belong to.
-      start: the task's start, (size,).
-      count: number of states.
-      pushes: how far the first M are from the start, shape (M, nv), rad or m.
-    """
-    states = np.tile(start, (count, 1))
-    for state, push in zip(states, () if pushes is None else pushes, strict=False):
-        qpos = state[1 : 1 + model.nq].copy()
-        mujoco.mj_integratePos(model, qpos, push, 1.0)
-        state[1 : 1 + model.nq] = qpos
-    return states
 
 
 def entries(task: Task, qpos: Array, qvel: Array) -> NDArray[np.int64]:
@@ -151,30 +98,19 @@ class Simulator:
     """A task's physics model with buffers for stepping it in batches. Threads must not share it."""
 
     def __init__(self, task: Task) -> None:
-        self._task = task
-        self._physics = task.make_physics()
-        self._model = self._physics.model.ptr
-        self._data = mujoco.MjData(self._model)
-        self._rollout = mujoco.rollout.Rollout(nthread=0)
-        self._substeps = substeps(task, self._model.opt.timestep)
-        self._model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # so that divergence can be seen
-        qpos, qvel = task.initial_state()
-        self._data.qpos[:], self._data.qvel[:] = qpos, qvel
-        self._start = np.empty(mujoco.mj_stateSize(self._model, mujoco.mjtState.mjSTATE_FULLPHYSICS.value))
-        mujoco.mj_getState(self._model, self._data, self._start, mujoco.mjtState.mjSTATE_FULLPHYSICS.value)
-        self._of_forces = of_forces(self._model)
-        self._entries = entries(task, qpos, qvel)
+        self._task, self._scene = task, scene_of(task)
+        self._entries = entries(task, *task.initial_state())
 
     @property
     def model(self) -> mujoco.MjModel:
         """The model that is stepped. Changes to it hold for the next rollouts."""
-        return self._model
+        return self._scene.model
 
     @property
     def command_range(self) -> tuple[Array, Array]:
         """The least and the greatest value of each command, shapes (d,); infinite where there is no limit."""
-        limited = self._model.actuator_ctrllimited.astype(bool)
-        low, high = self._model.actuator_ctrlrange.T
+        limited = self.model.actuator_ctrllimited.astype(bool)
+        low, high = self.model.actuator_ctrlrange.T
         return np.where(limited, low, -np.inf), np.where(limited, high, np.inf)
 
     def draw_command_noise(self, count: int, rng: np.random.Generator) -> Array:
@@ -199,22 +135,22 @@ class Simulator:
         Raises:
           DivergedError: if the simulation diverged, naming the first trajectory and step that did.
         """
-        task, count = self._task, self._substeps
+        task, scene, count = self._task, self._scene, self._scene.substeps
         n, steps, d = offsets.shape
-        nq, nv = self._model.nq, self._model.nv
+        nq, nv = scene.model.nq, scene.model.nv
         features = np.empty((steps, n, task.width))
         commands = offsets.transpose(1, 0, 2).copy()  # the caller's array must not change
         noise = np.ascontiguousarray(command_noise.transpose(1, 0, 2))
-        path = np.empty((steps, n, self._start.size))  # the full physics states at the samples
-        path[0] = starting_states(self._model, self._start, n, starts)
+        path = np.empty((steps, n, scene.start.size))  # the full physics states at the samples
+        path[0] = scene.starting_states(n, starts)
         control = np.empty((n, count, d))
         fed_back = np.empty((n, d))
-        states = np.empty((n, count, self._start.size))
-        sensors = np.empty((n, count, self._model.nsensordata))
-        models, data = [self._model] * n, [self._data]
+        states = np.empty((n, count, scene.start.size))
+        sensors = np.empty((n, count, scene.model.nsensordata))
+        models, data = [scene.model] * n, [scene.data]
         sensed, known = task.sensed, task.width
         if sensed is not None:
-            forces = sensors_at(self._model, self._data, path[0])
+            forces = scene.sensors_at(path[0])
             known -= sensed(forces).shape[1]
         transposed_gain = np.ascontiguousarray(gain[:, :known].T)
         # Where K is on single positions and velocities alone, no features are needed before the end, and those of many
@@ -233,7 +169,7 @@ class Simulator:
                 break
             np.add(command[:, None], noise[t, :, None], out=control)
             after = states if last or count > 1 else path[t + 1, :, None]
-            self._rollout.rollout(
+            scene.rollout.rollout(
                 models,
                 data,
                 state,
@@ -245,7 +181,7 @@ class Simulator:
             )
             if sensed is not None:
                 # Sensors of the first physics step belong to the sample it began at, except for forces.
-                features[t, :, known:] = sensed(np.where(self._of_forces, forces, sensors[:, 0]))
+                features[t, :, known:] = sensed(np.where(scene.of_forces, forces, sensors[:, 0]))
                 forces = sensors[:, -1].copy()
             if last:
                 break  # this step was only for the sensors
@@ -261,13 +197,13 @@ class Simulator:
         lengths = np.where(ended.any(axis=0), ended.argmax(axis=0) + 1, steps)
         for i in np.flatnonzero(lengths < steps):
             features[lengths[i] :, i] = features[lengths[i] - 1, i]
-        times = self._start[0] + task.control_timestep * np.arange(steps)
+        times = scene.start[0] + task.control_timestep * np.arange(steps)
         if (where := _diverged(path, times, features, commands, commands + noise, lengths)) is not None:
             step, trajectory = where
             raise DivergedError(
                 f"the simulation of {task.name} diverged: trajectory {trajectory}, step {step}, "
                 f"{step * task.control_timestep:.3g} s",
-                "a smaller timestep of the model, more damping or armature in its joints",
+                HELPS,
             )
         return Trajectories(
             features.transpose(1, 0, 2),
