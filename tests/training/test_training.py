@@ -368,9 +368,12 @@ def test_the_best_mean_policy_may_be_kept(tmp_path):
         ("{after: 3, policy: mine}", r"algorithm\.refine\.policy: it is the same in both stages"),
         ("{initial_std: 0.1}", r"algorithm\.refine\.after: expected the iterations of the first stage"),
         ("{after: 0}", r"algorithm\.refine\.after: .* not 0"),
-        ("{after: 3, kept: 1.5}", r"algorithm\.kept: 1.5 is too large"),
+        ("{after: 3, kept: 5}", r"algorithm\.refine\.kept: 5\.0 is too large"),
+        ("{after: 3, initial_std: -1}", r"algorithm\.refine\.initial_std: -1\.0 is too small"),
+        ("{after: 3, covariance: full}", r"algorithm\.refine\.covariance: there is no full"),
+        ("{after: 3, epsilon: 9}", r"algorithm\.refine\.epsilon: 9\.0 must lie between"),
+        ("{after: 3, exploration: {wrist: 1}}", r"algorithm\.refine\.exploration\.wrist: reach_avoid has no such"),
         ("{after: 3, initial_sdt: 1}", r"algorithm\.refine\.initial_sdt: no such key; did you mean"),
-        ("{after: 3, exploration: {fingers: 1}}", r"algorithm\.exploration\.fingers: reach_avoid has no such commands"),
     ],
 )
 def test_mistakes_in_the_second_stage_are_told_before_anything_runs(refine, message):

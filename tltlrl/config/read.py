@@ -17,7 +17,7 @@ from tltlrl.logic import load_spec
 from tltlrl.registry import LEARNERS, TASKS
 from tltlrl.resources import spec_path, user_path
 from tltlrl.settings import Role, fields_with
-from tltlrl.training.study import MOST_SEEDS, TLTL, AlgorithmConfig, Case, Stage, Study
+from tltlrl.training.study import MOST_SEEDS, TLTL, AlgorithmConfig, Case, Stage, Study, in_second_stage
 
 Settings = TypeVar("Settings")
 
@@ -140,7 +140,8 @@ def _refinement(values: Mapping[str, Any], learners: Iterable[str]) -> dict[str,
         )
     kinds = {name: LEARNERS.get(name).Settings for name in learners}
     _known(changed, algorithm_settings(kinds.values()), where)
-    algorithm, own = _algorithm({**values, **changed, "refine": {}}, learners, where)
+    with in_second_stage(changed):
+        algorithm, own = _algorithm({**values, **changed, "refine": {}}, learners, where)
     return {name: Stage(after, algorithm, own[name]) for name in learners}
 
 

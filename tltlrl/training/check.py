@@ -14,7 +14,7 @@ from tltlrl.simulation.simulator import simulator_of
 from tltlrl.tasks.fits import check_fits
 from tltlrl.training.build import make_evaluation_task, make_learner, make_reward, make_task
 from tltlrl.training.start import first_policy
-from tltlrl.training.study import TLTL, Study
+from tltlrl.training.study import TLTL, Study, in_second_stage
 
 
 def check(study: Study) -> None:
@@ -36,8 +36,10 @@ def check(study: Study) -> None:
     first = {run.case: run for run in reversed(study.runs())}
     task = make_task(study.task)
     for run in first.values():
-        for stage in filter(None, (run.stage(0), run.refine)):
-            make_learner(run, stage).start(first_policy(task, stage.algorithm))
+        make_learner(run, run.stage(0)).start(first_policy(task, run.algorithm))
+        if run.refine is not None:
+            with in_second_stage(study.algorithm.refine):
+                make_learner(run, run.refine).start(first_policy(task, run.refine.algorithm))
         make_reward(run)
     check_fits(study.spec, task)
     simulator_of(task)

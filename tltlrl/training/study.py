@@ -5,9 +5,11 @@ Rules that need two parts, such as the signals of spec and task, are checked whe
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
-from collections.abc import Mapping
+import re
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -140,6 +142,18 @@ class Stage:
     first: int
     algorithm: AlgorithmConfig
     learner: Any
+
+
+@contextlib.contextmanager
+def in_second_stage(changed: Collection[str]) -> Iterator[None]:
+    """A context in which mistakes in keys of `algorithm.refine` are told of these, and not of `algorithm`."""
+    try:
+        yield
+    except UserError as error:
+        section, _, rest = str(error).partition(".")
+        if section == "algorithm" and re.split(r"\W", rest)[0] in changed:
+            raise UserError(f"algorithm.refine.{rest}") from error
+        raise
 
 
 @dataclass(frozen=True)
