@@ -8,7 +8,8 @@ import pytest
 
 from tltlrl.config.compose import as_meant, compose
 from tltlrl.config.read import read
-from tltlrl.training import build, session
+from tltlrl.training import session
+from tltlrl.training.check import check
 
 ROOT = Path(__file__).parents[2]
 SMALL = ("seeds=1", "trials=2", "algorithm.iterations=4", "algorithm.samples=8")
@@ -30,7 +31,7 @@ def test_an_example_trains_and_goes_on_where_it_was_stopped(tmp_path, monkeypatc
     text = (ROOT / "examples" / example / "README.md").read_text(encoding="utf-8").replace("\\\n", " ")
     (command,) = re.findall(r"^    tltl-run (.*)$", text, re.MULTILINE)
     study, _ = read(compose([as_meant(each) for each in (*shlex.split(command), *SMALL, LENGTHS[example])]))
-    build.check(study)
+    check(study)
     (run,) = study.runs()
 
     def stop(iteration):

@@ -19,6 +19,7 @@ from tltlrl.reports.report import summary_page
 from tltlrl.simulation.rollout import Simulator
 from tltlrl.training import build
 from tltlrl.training.loop import iterate
+from tltlrl.training.start import first_policy
 
 STUDIES = covariance.RESULTS.parent
 DOCS = STUDIES.parent / "docs"
@@ -47,11 +48,11 @@ def test_runs_in_lockstep_are_the_products_runs(experiment, case):
         return fit(*arguments, own.covariance, own.kept)
 
     learners = [Learner(run.seed, rule, own.epsilon, reward, run.case.learner == "step") for run in runs]
-    curves = train(task, runs[0].spec, Simulator(task), build.first_policy(task, a), learners, a.samples, 3)
+    curves = train(task, runs[0].spec, Simulator(task), first_policy(task, a), learners, a.samples, 3)
     ended_early = 0
     for j, run in enumerate(runs):
         setup = build.set_up(run)
-        state = setup.learner.start(build.first_policy(task, a))
+        state = setup.learner.start(first_policy(task, a))
         for i in range(3):
             result = iterate(run, setup, state, i)
             state = result.state
@@ -64,7 +65,7 @@ def test_runs_in_lockstep_are_the_products_runs(experiment, case):
 def test_the_kinematic_model_stays_within_six_centimetres_of_the_simulation_under_full_exploration():
     study, _ = read(compose(["experiment=visit_in_order"]))
     task, rng = build.make_task(study.task), np.random.default_rng(0)
-    policy = build.first_policy(task, study.algorithm)
+    policy = first_policy(task, study.algorithm)
     offsets, noise = policy.sample(5, rng), np.zeros((5, task.steps, 3))
     ends = [kind(task).rollout(policy.gain, offsets, noise).features[..., 6:8] for kind in (Kinematic, Simulator)]
     assert np.linalg.norm(ends[0] - ends[1], axis=-1).max() < 0.06
