@@ -22,10 +22,9 @@ from tltlrl.resources import CONFIGS, SPECS, spec_path
 from tltlrl.simulation.rollout import Simulator
 from tltlrl.store.run import read_results
 from tltlrl.tasks.environment import environment
-from tltlrl.training import build
+from tltlrl.training import build, start
 from tltlrl.training.loop import iterate
 from tltlrl.training.session import train
-from tltlrl.training.start import first_policy
 
 SPEC_NAMES = sorted(path.stem for path in SPECS.glob("*.tltl"))
 
@@ -43,7 +42,7 @@ def rewards_of(name):
 
 
 def first_policy(task):
-    return first_policy(task, read(compose([f"experiment={task.name}"]))[0].algorithm)
+    return start.first_policy(task, read(compose([f"experiment={task.name}"]))[0].algorithm)
 
 
 @pytest.fixture(scope="module", params=sorted(TASKS.built_in))
@@ -116,7 +115,7 @@ def test_every_case_takes_an_iteration(task):
     ]
     for run in itertools.chain(*(study.runs() for study in studies)):
         setup = build.set_up(run)
-        policy = first_policy(setup.task, run.algorithm)
+        policy = start.first_policy(setup.task, run.algorithm)
         result = iterate(run, setup, setup.learner.start(policy), 0)
         assert np.isfinite(list(result.record.values())).all(), run.case
         assert not np.array_equal(setup.learner.policy(result.state).mean, policy.mean), run.case
