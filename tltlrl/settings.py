@@ -55,7 +55,7 @@ class Setting:
       above, below: bounds that a number may not reach.
       choices: the allowed words; empty if any is allowed.
       role: its roles.
-      kind, example: on a robot's page, the kind of its value, in words, and an example, as YAML.
+      kind, example: on a robot's page, the kind of its value, in words, and an example of a value, as YAML.
     """
 
     meaning: str

@@ -25,5 +25,5 @@ def test_every_key_has_a_meaning_and_a_kind():
 
 def test_every_example_is_a_page():
     for key, kind in KINDS.items():
-        text = kind.example if key == "model" else f"model: arm.xml\n{kind.example}"
-        assert page_of(Path("arm.yaml"), text.encode()).values[key] == yaml.safe_load(kind.example)[key]
+        text = f"{key}: {kind.example}" if key == "model" else f"model: arm.xml\n{key}: {kind.example}"
+        assert page_of(Path("arm.yaml"), text.encode()).values[key] == yaml.safe_load(kind.example)

@@ -30,46 +30,44 @@ class RobotConfig:
         "an MJCF file: a path from the page's folder, or package:path of an installed package",
         "",
         kind=TEXT,
-        example="model: arm.xml",
+        example="arm.xml",
     )
-    duration: float = setting(
-        "length of one episode, s", 5.0, above=0, kind=NUMBER, example="duration: 5.0", role=Role.COMMON
-    )
+    duration: float = setting("length of one episode, s", 5.0, above=0, kind=NUMBER, example="5.0", role=Role.COMMON)
     control_timestep: float = setting(
         "time between two commands, s; a multiple of the model's timestep",
         0.05,
         above=0,
         kind=NUMBER,
-        example="control_timestep: 0.05",
+        example="0.05",
         role=Role.COMMON,
     )
     start: dict[str, Any] = setting(
         "joint positions at the start, rad or m, by the joints' names; others are as in the keyframe or the model",
         {},
         kind=NUMBERS_BY_NAME,
-        example="start: {shoulder: 0.3}",
+        example="{shoulder: 0.3}",
     )
-    keyframe: str | None = setting("a keyframe of the model, to start from", None, kind=WORD, example="keyframe: home")
+    keyframe: str | None = setting("a keyframe of the model, to start from", None, kind=WORD, example="home")
     spread: float = setting(
         "standard deviation of the start, rad or m in every joint; it is drawn anew for each trajectory",
         0.0,
         least=0,
         kind=NUMBER,
-        example="spread: 0.02",
+        example="0.02",
     )
     actuators: dict[str, Any] = setting(
         "actuators that are added to the model, by the joints that they drive: motor (its gear), position (kp, and "
         "damping: kv) or velocity (kv), with the range of their commands and, if limited, their force, N or N m",
         {},
         kind=ACTUATORS,
-        example="actuators: {elbow: {velocity: 50, range: [-1, 1], force: 30}}",
+        example="{elbow: {velocity: 50, range: [-1, 1], force: 30}}",
         role=Role.COMMON,
     )
     commands: list[str] = setting(
         "the actuators that the policy commands, all if none is named; others are taken out of the model",
         [],
         kind=NAMES,
-        example="commands: [shoulder, elbow]",
+        example="[shoulder, elbow]",
         role=Role.COMMON,
     )
     command_noise: float = setting(
@@ -78,14 +76,14 @@ class RobotConfig:
         least=0,
         most=10,
         kind=NUMBER,
-        example="command_noise: 0.01",
+        example="0.01",
     )
     feedback: dict[str, Any] = setting(
         "by the actuators' names, what is added to a command, in its unit, per rad or m that its joint is off the "
         "reference; negative pulls back. Or two numbers, the second per rad/s or m/s; or other joints with theirs",
         {},
         kind=FEEDBACK,
-        example="feedback: {shoulder: -1, elbow: {elbow: [-1, -0.1], wrist: 0.2}}",
+        example="{shoulder: -1, elbow: {elbow: [-1, -0.1], wrist: 0.2}}",
         role=Role.COMMON,
     )
     reference: Any = setting(
@@ -93,7 +91,7 @@ class RobotConfig:
         "positions, are joined by straight lines",
         "hold",
         kind=MOTION,
-        example="reference: [{time: 2, shoulder: 1.2}, {time: 4, shoulder: 0.5, elbow: 1}]",
+        example="[{time: 2, shoulder: 1.2}, {time: 4, shoulder: 0.5, elbow: 1}]",
         role=Role.COMMON,
     )
     signals: dict[str, Any] = setting(
@@ -101,23 +99,20 @@ class RobotConfig:
         "named: all sensors of the model by name, qpos and qvel",
         {},
         kind=SIGNALS,
-        example="signals: {tip: site_xpos.tip, angles: [qpos.shoulder, qpos.elbow]}",
+        example="{tip: site_xpos.tip, angles: [qpos.shoulder, qpos.elbow]}",
         role=Role.COMMON,
     )
     ends_when: str | None = setting(
-        "an episode ends early where this formula of the language holds",
-        None,
-        kind=TEXT,
-        example="ends_when: tip.z < 0",
+        "an episode ends early where this formula of the language holds", None, kind=TEXT, example="tip.z < 0"
     )
     evaluation: dict[str, Any] = setting(
         "other values of these keys for the trials of what was learned, such as a more truthful model",
         {},
         kind=SETTINGS,
-        example="evaluation: {model: solid.xml}",
+        example="{model: solid.xml}",
         role=Role.COMMON,
     )
-    camera: str | None = setting("a camera of the model, for films", None, kind=WORD, example="camera: front")
+    camera: str | None = setting("a camera of the model, for films", None, kind=WORD, example="front")
 
 
 # The keys of a page, in the order of the table.

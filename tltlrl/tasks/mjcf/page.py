@@ -146,7 +146,8 @@ def _check(page: Page, values: Mapping[str, Any], within: Key) -> None:
             expected = PARTS.get(kind, kind)
             raise page.mistake(
                 (*within, key, *inner),
-                f"expected {expected if inner else kind}, not {printable(repr(at))}; for instance {KINDS[key].example}",
+                f"expected {expected if inner else kind}, not {printable(repr(at))}; "
+                f"for instance {key}: {KINDS[key].example}",
             )
         if within and key in COMMON:
             raise page.mistake(

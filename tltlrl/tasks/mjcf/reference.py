@@ -38,7 +38,7 @@ def reference() -> str:
     for key, kind in KINDS.items():
         value = getattr(default, key)
         shown = "" if value in ("", None, [], {}) else f"`{value}`"
-        lines.append(f"| `{key}` | {kind.meaning} | {shown} | `{kind.example}` |")
+        lines.append(f"| `{key}` | {kind.meaning} | {shown} | `{key}: {kind.example}` |")
     lines.append(KEYS.format(fixed=", ".join(f"`{key}`" for key in COMMON)).rstrip("\n"))
     for name, field in FIELDS.items():
         of = "GEOM.GEOM" if field.of == "geoms" else field.of.upper()
