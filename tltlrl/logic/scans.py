@@ -13,6 +13,7 @@ from tltlrl.logic.graph import Array
 Fold = Any  # a np.ufunc, whose methods NumPy does not type
 # Below this window, doubling (one fast pass per power of two) beats van Herk's two slow ones.
 _NARROW = 4096
+_DOUBLED = range(4096, 16_385)  # sizes for which doubling beats accumulate: few passes, in a core's cache
 
 
 def padded(x: Array, steps: int, filler: float) -> Array:
@@ -38,10 +39,43 @@ def second_smallest(x: Array) -> Array:
     return reduced(np.minimum, rest)
 
 
-def suffixes(fold: Fold, x: Array, out: Array | None = None) -> Array:
-    """Column t of the result is the fold over columns t, t+1, ... of x."""
+def suffixes(fold: Fold, x: Array, out: Array | None = None, spare: Array | None = None) -> Array:
+    """Column t of the result is the fold over columns t, t+1, ... of x; with a `spare` array like `out` sooner."""
     out = np.empty_like(x) if out is None else out
+    if spare is not None and x.size in _DOUBLED:
+        return _doubled(fold, x, out, spare, backwards=True)
     fold.accumulate(x[:, ::-1], axis=1, out=out[:, ::-1])
+    return out
+
+
+def prefixes(fold: Fold, x: Array, out: Array, spare: Array) -> Array:
+    """Column t of the result is the fold over columns 0, 1, ... t of x; `out` and `spare` are like x."""
+    if x.size in _DOUBLED:
+        return _doubled(fold, x, out, spare, backwards=False)
+    column: Array = fold.accumulate(x, axis=1, out=out)
+    return column
+
+
+def _doubled(fold: Fold, x: Array, out: Array, spare: Array, backwards: bool) -> Array:
+    """`suffixes` or `prefixes` by passes over all samples at once, which are 1, 2, 4, ... steps apart.
+
+    NumPy's accumulate needs one pass, but in it each sample waits for the one before.
+    """
+    passes = (x.shape[1] - 1).bit_length()
+    targets = (out, spare) if passes % 2 else (spare, out)  # the last pass writes to `out`
+    if not (x.flags.c_contiguous and passes):
+        np.copyto(targets[1], x)
+        x = targets[1]
+    for k in range(passes):
+        span, target = 1 << k, targets[k % 2]
+        first, second, ends = slice(None, -span), slice(span, None), slice(-span, None)
+        if not backwards:
+            first, second, ends = second, first, slice(None, span)
+        # On the flattened arrays, where the ends of rows meet their neighbours and are repaired.
+        flat = x.reshape(-1)
+        fold(flat[first], flat[second], out=target.reshape(-1)[first])
+        target[:, ends] = x[:, ends]
+        x = target
     return out
 
 

@@ -24,6 +24,7 @@ Steps = tuple[int, int]  # half-open
 Values = dict[int, Array]
 Signals = Mapping[tuple[str, int | None], Array]
 Operation = Callable[[], object]
+Borrow = Callable[[int], Array]  # a number of steps => an array that holds nothing before and after the operation
 _KEPT = 4  # numbers of trajectories that a plan keeps programs for
 
 # What has to hold before the first step.
@@ -127,9 +128,15 @@ class Plan:
                 name, part = op.data
                 inputs.append(((str(name), part if isinstance(part, int) else None), (a, b), out))
             else:
-                scratch = take(b - a)
-                operations.append((node, _operation(self.graph, node, self.steps, self.end, arrays, out, scratch)))
-                give(scratch)
+                borrowed: list[Array] = []
+
+                def borrow(steps: int, borrowed: list[Array] = borrowed) -> Array:
+                    borrowed.append(take(steps))
+                    return borrowed[-1]
+
+                operations.append((node, _operation(self.graph, node, self.steps, self.end, arrays, out, borrow)))
+                for array in borrowed:
+                    give(array)
             for forgotten in dead:
                 give(arrays[forgotten])
         holds_squares = any(self.graph.ops[node].name == "squares" for node, _ in operations)
@@ -247,9 +254,9 @@ def _demands(graph: Graph, node: int, steps: Steps, end: int) -> list[tuple[int,
 
 
 def _operation(
-    graph: Graph, node: int, steps: Mapping[int, Steps], end: int, arrays: Values, out: Array, scratch: Array
+    graph: Graph, node: int, steps: Mapping[int, Steps], end: int, arrays: Values, out: Array, borrow: Borrow
 ) -> Operation:
-    """The function that writes a node's values to `out`, from the arrays of its arguments; `scratch` is free."""
+    """The function that writes a node's values to `out`, from the arrays of its arguments; what it borrows is free."""
     op, (a, b) = graph.ops[node], steps[node]
     demands = [(child, wanted) for child, wanted in _demands(graph, node, (a, b), end) if wanted[0] < wanted[1]]
 
@@ -264,7 +271,7 @@ def _operation(
     if op.name in UFUNCS and len(args) <= 2:
         return partial(UFUNCS[op.name], *args, out=out)
     if op.name in ARITHMETIC:
-        return partial(apply, op, args, out, scratch)
+        return partial(apply, op, args, out, borrow(b - a))
     if op.name == "second":
         return lambda: np.copyto(out, scans.second_smallest(args[0]))
     if op.name == "ends":
@@ -275,7 +282,7 @@ def _operation(
         return partial(out.fill, _EMPTY[op.name, op.data[-1] is True])
     if op.name in PAST:
         return partial(_past(op, (a, b)), args, out)
-    return partial(_temporal(graph, op, b - a, end), args, out)
+    return partial(_temporal(graph, op, b - a, end, lambda: borrow(args[0].shape[1])), args, out)
 
 
 def _past(op: Op, steps: Steps) -> Callable[[list[Array], Array], object]:
@@ -317,8 +324,13 @@ def _past(op: Op, steps: Steps) -> Callable[[list[Array], Array], object]:
     return windows
 
 
-def _temporal(graph: Graph, op: Op, width: int, end: int) -> Callable[[list[Array], Array], object]:
-    """The function that writes `width` columns of a temporal operator from its arguments' columns."""
+def _temporal(
+    graph: Graph, op: Op, width: int, end: int, borrow: Callable[[], Array]
+) -> Callable[[list[Array], Array], object]:
+    """The function that writes `width` columns of a temporal operator from its arguments' columns.
+
+    It may borrow arrays like its first argument.
+    """
     empty = _EMPTY[op.name, op.data[-1] is True]
     if op.name == "next":
 
@@ -329,13 +341,14 @@ def _temporal(graph: Graph, op: Op, width: int, end: int) -> Callable[[list[Arra
 
         return shift
     if op.name == "until":
+        held, spare = (borrow(), borrow()) if width == 1 else (None, None)
 
         def until(args: list[Array], out: Array) -> None:
             if len(args) == 1:  # a slice of one sample: q at that one
                 out[:] = args[0]
-            elif width == 1:
+            elif held is not None and spare is not None:
                 p, q = args
-                held = np.minimum.accumulate(p, axis=1)
+                scans.prefixes(np.minimum, p, held, spare)
                 np.maximum(scans.reduced(np.maximum, np.minimum(held, q[:, 1:], out=held)), q[:, :1], out=out)
             else:
                 out[:] = scans.until(*args)[:, :width]
@@ -357,15 +370,16 @@ def _temporal(graph: Graph, op: Op, width: int, end: int) -> Callable[[list[Arra
         # operators. F q is q when q is itself an unbounded T or F.
         second = graph.ops[op.args[1]]
         is_falling = second.name in {"then", "eventually"} and second.data[0] is None
+        pairs, later, spare = borrow(), borrow(), borrow()
 
         def then(args: list[Array], out: Array) -> None:
             p, q = args
-            later = q if is_falling else scans.suffixes(np.maximum, q)
-            pairs = np.minimum(p, later)
+            np.minimum(p, q if is_falling else scans.suffixes(np.maximum, q, later, spare), out=pairs)
             reach = min(width, p.shape[1])
-            out[:, :reach] = (
-                scans.suffixes(np.maximum, pairs)[:, :reach] if width > 1 else scans.reduced(np.maximum, pairs)
-            )
+            if width > 1:
+                out[:, :reach] = scans.suffixes(np.maximum, pairs, later, spare)[:, :reach]
+            else:
+                out[:, :reach] = scans.reduced(np.maximum, pairs)
             out[:, reach:] = -np.inf
 
         return then
@@ -373,13 +387,14 @@ def _temporal(graph: Graph, op: Op, width: int, end: int) -> Callable[[list[Arra
         return lambda args, out: np.copyto(out, args[0])
     (window,), fold = op.data, np.minimum if op.name == "always" else np.maximum
     if window is None:
+        spare = borrow() if width > 1 else None
 
         def suffixes(args: list[Array], out: Array) -> None:
             x = args[0]
             if width == 1:
                 fold.reduce(x, axis=1, keepdims=True, out=out)
             elif width == x.shape[1]:
-                scans.suffixes(fold, x, out)
+                scans.suffixes(fold, x, out, spare)
             else:
                 out[:] = scans.suffixes(fold, x)[:, :width]
 

@@ -31,7 +31,7 @@ from tltlrl.logic.semantics import Plan, Signals, plan
 from tltlrl.logic.traps import Trap, traps
 
 # Numbers in one block of trajectories: so few that the arrays of a formula stay in a core's cache.
-BLOCK = 32_768
+BLOCK = 16_384
 
 
 def parse_spec(
