@@ -91,3 +91,18 @@ def test_a_robots_page_is_not_listed_by_the_name_that_it_has_inside():
     compose([f"task={ROOT}/examples/reacher/reacher.yaml"])
     with pytest.raises(UserError, match=r"there are: gymnasium, reach_avoid, suite, toast, visit_in_order$"):
         compose(["experiment=reach_avoid", "task=planar"])
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("task.feedbck.shoulder=1", "task.feedbck: no such key; did you mean task."),
+        ("reward.stp.goal=2", "reward.stp: no such key; did you mean reward.step?"),
+        ("reward.step.gaol=2", "reward.step.gaol: no such key; did you mean goal?"),
+        ("task.steps.x=3", "task.steps: Value '{'x': 3}' of type 'mapping' could not be converted to Integer"),
+        ("task.steps=[1]", "task.steps: Value '[1]' of type 'list' could not be converted to Integer"),
+    ],
+)
+def test_a_wrong_key_inside_of_a_key_is_told_at_that_key(override, message):
+    with pytest.raises(UserError, match=re.escape(message)):
+        read(compose(["experiment=reach_avoid", override]))

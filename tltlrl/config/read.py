@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
@@ -183,7 +184,8 @@ def dataclass_from(kind: type[Settings], values: Mapping[str, Any], where: str, 
         try:
             settings = OmegaConf.merge(settings, {key: value})
         except OmegaConfBaseException as error:
-            raise UserError(f"{where}.{key}: {str(error).splitlines()[0]}") from error
+            said = re.sub("DictConfig|ListConfig", lambda kind: {"D": "mapping", "L": "list"}[kind[0][0]], str(error))
+            raise UserError(f"{where}.{key}: {said.splitlines()[0]}") from error
     result: Settings = OmegaConf.to_object(settings)  # type: ignore[assignment]
     return result
 
