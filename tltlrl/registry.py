@@ -51,7 +51,7 @@ class Registry:
         module, _, attribute = address.partition(":")
         try:
             return getattr(importlib.import_module(module), attribute)
-        except (ImportError, AttributeError) as error:
+        except Exception as error:  # whatever the code of a package raises
             if name in self.built_in or name in self.described:
                 raise
             raise UserError(

@@ -106,3 +106,21 @@ def test_a_robots_page_is_not_listed_by_the_name_that_it_has_inside():
 def test_a_wrong_key_inside_of_a_key_is_told_at_that_key(override, message):
     with pytest.raises(UserError, match=re.escape(message)):
         read(compose(["experiment=reach_avoid", override]))
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("task.evaluation.duration=1", "task.evaluation.duration: it is the same in training and in evaluation"),
+        ("task.evaluation.commands=[wrist]", "task.evaluation.commands: it is the same in training and in evaluation"),
+        ("task.evaluation.evaluation.x=1", "task.evaluation.evaluation: it is the same in training and in evaluation"),
+        ("task.evaluation.modl=x", "task.evaluation.modl: no such key; did you mean model?"),
+        ("task.actuators.foo=3", "task.actuators.foo: expected its kind with its gain"),
+        ("task.reference=[1]", "task.reference.0: expected hold, or a list of waypoints"),
+        ("task.commands.x=1", "task.commands.x: a list has no such part; give the whole list, as KEY=[a,b]"),
+        ("task.name.x=1", "task.name: expected the name of a task, not {'x': 1}"),
+    ],
+)
+def test_overrides_of_a_page_are_checked_as_the_page_is(override, message):
+    with pytest.raises(UserError, match=re.escape(message)):
+        read(compose([f"task={ROOT}/examples/reacher/reacher.yaml", "algorithm.iterations=1", override]))

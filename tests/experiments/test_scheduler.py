@@ -16,6 +16,7 @@ import pytest
 from tltlrl.errors import UserError
 from tltlrl.experiments import scheduler
 from tltlrl.experiments.origin import code_digest, different, machine, origin
+from tltlrl.registry import Registry
 
 RUN = SimpleNamespace(task=SimpleNamespace(name="reach_avoid"), case=SimpleNamespace(learner="episodic"))
 JOBS = [(RUN, Path("0")), (RUN, Path("1"))]
@@ -166,3 +167,11 @@ def test_versions_of_what_a_task_or_a_learner_computes_with_count():
     assert origin("reach_avoid", "cma").keys() - ours.keys() == {"cma"}
     assert origin("gymnasium", "episodic").keys() - ours.keys() == {"gymnasium"}
     assert all(ours[name] != "none" for name in ("numpy", "scipy", "mujoco", "dm-control"))
+
+
+def test_a_package_that_cannot_be_imported_leaves_the_refusal_to_its_code(monkeypatch):
+    def broken(*_):
+        raise RuntimeError("no licence")
+
+    monkeypatch.setattr(Registry, "get", broken)
+    assert "numpy" in origin("reach_avoid", "episodic")

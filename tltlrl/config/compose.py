@@ -231,6 +231,9 @@ def complaints_told(overrides: Sequence[str]) -> Iterator[None]:
         chosen = ", ".join(override for override in overrides if override.partition("=")[0] in GROUPS)
         raise UserError(f"{chosen}: one of these files, or one that it names, is not text in UTF-8") from error
     except ValueError as error:
+        if module_of(error).startswith("omegaconf."):  # a word where a list has numbers
+            keys = ", ".join(key for key, *_ in (text.split("=") for text in overrides) if key.count(".") > 1)
+            raise UserError(f"{keys}: a list has no such part; give the whole list, as KEY=[a,b]") from error
         if not module_of(error).startswith("hydra."):
             raise
         raise UserError(str(error).splitlines()[0]) from error

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
@@ -40,7 +39,9 @@ def read(config: Mapping[str, Any]) -> tuple[Study, Machinery]:
     from tltlrl.training.build import make_task
     from tltlrl.training.check import check
 
-    entry = TASKS.get(str(config["task"].get("name")))
+    if isinstance(named := config["task"].get("name"), dict | list):
+        raise UserError(f"task.name: expected the name of a task, not {named!r}")
+    entry = TASKS.get(str(named))
     cases = [case_of(str(name), entry.hand_made) for name in config["cases"]]
     names = list(dict.fromkeys(case.learner for case in cases))
     if policy := config["algorithm"].get("policy"):  # for workers elsewhere, too
@@ -184,8 +185,11 @@ def dataclass_from(kind: type[Settings], values: Mapping[str, Any], where: str, 
         try:
             settings = OmegaConf.merge(settings, {key: value})
         except OmegaConfBaseException as error:
-            said = re.sub("DictConfig|ListConfig", lambda kind: {"D": "mapping", "L": "list"}[kind[0][0]], str(error))
-            raise UserError(f"{where}.{key}: {said.splitlines()[0]}") from error
+            said = str(error).splitlines()[0]
+            said = said.replace("of type 'DictConfig'", "of type 'mapping'").replace(
+                "of type 'ListConfig'", "of type 'list'"
+            )
+            raise UserError(f"{where}.{key}: {said}") from error
     result: Settings = OmegaConf.to_object(settings)  # type: ignore[assignment]
     return result
 

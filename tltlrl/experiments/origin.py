@@ -11,7 +11,6 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-from tltlrl.errors import UserError
 from tltlrl.registry import LEARNERS, TASKS
 from tltlrl.store.files import digest_of_digests
 
@@ -34,8 +33,9 @@ def origin(task: str, learner: str) -> dict[str, str]:
         package = registry.address(name).partition(":")[0].partition(".")[0]
         if package != "tltlrl":
             found[f"code of the {what} {name}"] = code_digest(package)
-        with contextlib.suppress(UserError):  # it cannot be imported here, which its code says already
-            packages += getattr(registry.get(name), "packages", ())
+        with contextlib.suppress(Exception):  # it cannot be imported here: the run will say so
+            named = getattr(registry.get(name), "packages", ())
+            packages += [named] if isinstance(named, str) else named
     return found | {name: _version(name) for name in packages}
 
 

@@ -110,7 +110,7 @@ def page_of(path: Path, data: bytes) -> Page:
     lines: dict[Key, int] = {}
     values = _plain(node, (), lines, name)
     page = Page(path, values, lines)
-    _check(page, values, ())
+    check_values(values, page.mistake)
     if "model" not in values:
         raise UserError(f"{name}:1: model: it is missing; add model: FILE.xml, an MJCF file from the page's folder")
     return page
@@ -133,28 +133,45 @@ def _plain(node: yaml.Node, key: Key, lines: dict[Key, int], name: str) -> Any:
     return values
 
 
-def _check(page: Page, values: Mapping[str, Any], within: Key) -> None:
-    """Checks that every key exists, has the right kind of value, and is within its bounds."""
+def check_values(values: Mapping[str, Any], mistake: Callable[[Key, str], UserError], within: Key = ()) -> None:
+    """Checks that every key exists and has the right kind of value.
+
+    Args:
+      values: key of a page => value.
+      mistake: the keys that lead to a value, and what is wrong with it => the error that is raised.
+      within: the keys that lead to these values: ("evaluation",), or none.
+    """
     for key, value in values.items():
         if key not in KINDS:
-            raise page.mistake((*within, key), f"no such key{nearest(key, KINDS)}")
+            raise mistake((*within, key), f"no such key{nearest(key, KINDS)}")
         kind = KINDS[key].kind
         for inner in _wrong(value, kind):
             at: Any = value
             for part in inner:
                 at = at[int(part)] if isinstance(at, list) else at[part]
             expected = PARTS.get(kind, kind)
-            raise page.mistake(
+            raise mistake(
                 (*within, key, *inner),
                 f"expected {expected if inner else kind}, not {printable(repr(at))}; "
                 f"for instance {key}: {KINDS[key].example}",
             )
         if within and key in COMMON:
-            raise page.mistake(
+            raise mistake(
                 (*within, key), "it is the same in training and in evaluation: a policy belongs to it; leave it out"
             )
         if kind == SETTINGS:
-            _check(page, value, (*within, key))
+            check_values(value, mistake, (*within, key))
+
+
+def check_overrides(config: RobotConfig) -> None:
+    """Checks the kinds of all values of a config: overrides may have changed those of the page.
+
+    Raises:
+      UserError: naming the config's key.
+    """
+    usual = RobotConfig()
+    values = {key: getattr(config, key) for key in KINDS if getattr(config, key) != getattr(usual, key)}
+    check_values(values, lambda key, what: UserError(f"task.{'.'.join(key)}: {what}"))
 
 
 def _wrong(value: Any, kind: str) -> Iterator[Key]:

@@ -18,7 +18,7 @@ from tltlrl.tasks.mjcf.evaluation import mistakes_at, trained_of
 from tltlrl.tasks.mjcf.keys import RobotConfig
 from tltlrl.tasks.mjcf.model import digest_of, model_path, page_digest
 from tltlrl.tasks.mjcf.motion import holding_commands
-from tltlrl.tasks.mjcf.page import task_name
+from tltlrl.tasks.mjcf.page import check_overrides, task_name
 from tltlrl.tasks.task import Array, Quantity, Signals, Task
 
 
@@ -32,6 +32,7 @@ class Robot(Task):
           UserError: if the page has a mistake; it names file, line and key.
         """
         self.config = config
+        check_overrides(trained_of(config))
         trained, at = trained_of(config), mistakes_at(config)
         if not config.file:
             raise UserError("task: a robot is described by a page; give its file, as in task=./arm.yaml (see tltl new)")
